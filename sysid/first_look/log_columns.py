@@ -8,7 +8,7 @@ from sysid.errors import DataRejectedError
 from sysid.first_look.folder import FolderFile
 from sysid.first_look.text_heads import TIME_WORDS
 from sysid.logs.channels import LogRequest, RawChannel
-from sysid.logs.registry import format_of
+from sysid.logs.registry import read_channels
 from sysid.wording import shorten
 
 
@@ -50,22 +50,22 @@ def _text(file: FolderFile) -> LogColumns:
     if not wanted:
         raise DataRejectedError(f"{label} has no column of numbers beside '{shorten(head.time)}'; it is left out.")
     request = LogRequest(wanted, head.guessed_time, head.units_row)
-    content = format_of(file.content).read(file.content, label, request)
+    content = read_channels(file.content, label, request)
     text = tuple(n for n in head.names if n not in head.numbers and n != head.time)
     return LogColumns(file.name, file.title, content.channels, head.guessed_time, head.units_row, text)
 
 
 def _other_format(file: FolderFile) -> LogColumns:
-    label, known = shorten(file.name, 100), format_of(file.content)
+    label = shorten(file.name, 100)
     try:
-        content = known.read(file.content, label, LogRequest((), everything=True))
+        content = read_channels(file.content, label, LogRequest((), everything=True))
         time = None
     except DataRejectedError:
-        names = known.read(file.content, label, LogRequest(())).names
+        names = read_channels(file.content, label, LogRequest(())).names
         time = next((n for n in names if TIME_WORDS.match(n.casefold())), None)
         if time is None:
             raise
-        content = known.read(file.content, label, LogRequest((), time=time, everything=True))
+        content = read_channels(file.content, label, LogRequest((), time=time, everything=True))
     if not content.channels:
         raise DataRejectedError(f"{label} has no channels of numbers; it is left out.")
     return LogColumns(file.name, file.title, content.channels, time)

@@ -9,7 +9,7 @@ from itertools import pairwise
 from sysid.first_look.words import dimension_of
 from sysid.logs.text_numbers import MISSING, cells_of, encoding_of, head_lines
 from sysid.logs.text_table import without_error_marks
-from sysid.logs.time_columns import TIME_NAMES, time_unit
+from sysid.logs.time_columns import find_time, time_unit
 
 _HEAD_BYTES = 65536
 _ROWS = 40
@@ -82,7 +82,7 @@ def _with_delimiter(lines: list[str], delimiter: str) -> TextHead | None:
     numbers = tuple(
         n for i, n in enumerate(columns) if n and all(_is_number(c[i]) for c in body if i < len(c)) and i < width
     )
-    time = next((n for n in columns if n.casefold() in TIME_NAMES), None)
+    time = find_time(columns, None)
     guessed = None
     if time is None and columns:
         guessed = next((n for n in columns if TIME_WORDS.match(n.casefold())), None) or _rising(columns, body)

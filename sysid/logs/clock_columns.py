@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +13,8 @@ from sysid.wording import joined_words, shorten
 _LISTED = 4
 #: Share of the readings of a channel that may stand in rows without a stamp.
 _STRAY = 0.01
+#: Part of a step by which stamps of the same time may differ.
+_SAME = 1e-3
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class SeveralTimesError(ValueError):
 
 
 def time_of_channel(
-    place: int, values: np.ndarray, times: Sequence[TimeColumn], declared: str | None = None
+    place: int, values: np.ndarray, times: Sequence[TimeColumn], declared: Collection[int] = ()
 ) -> TimeColumn:
     """The column of time of a channel.
 
@@ -44,7 +46,7 @@ def time_of_channel(
     ----------
     place, values : place of the channel, and its readings (rows,), NaN where missing.
     times : columns of time in the order in which they are preferred where they show the same time.
-    declared : the name of the column of time that a campaign file says.
+    declared : places of the columns of time with the name that a campaign file says.
 
     Raises
     ------
@@ -52,10 +54,10 @@ def time_of_channel(
         If several can be its time and none of them stands nearest to the left, or the declared one is another one.
     """
     able = [t for t in _advancing(times) if _stamps_readings(t, values)] or list(times)
-    said = next((t for t in able if declared is not None and _plain(t.name) == _plain(declared)), None)
+    said = next((t for t in able if t.place in declared), None)
     if len(able) == 1:
         return able[0]
-    if all(_same(able[0], t) for t in able[1:]):
+    if all(same_time(able[0].stamps, t.stamps) for t in able[1:]):
         return said or max(able, key=_digits)
     left = sorted((t for t in able if t.place < place), key=lambda t: t.place)
     if not left:
@@ -63,14 +65,14 @@ def time_of_channel(
     nearest = left[-1]
     # Columns of time side by side, without channels between them, say nothing about which channel is whose.
     block = [t for t in left if all(p in {u.place for u in times} for p in range(t.place, nearest.place))]
-    if not all(_same(nearest, t) for t in block):
+    if not all(same_time(nearest.stamps, t.stamps) for t in block):
         whole = [t for t in block if np.array_equal(np.isfinite(t.stamps), np.isfinite(values))]
         if len(whole) != 1:
             raise SeveralTimesError(block, "they stand side by side")
         nearest = whole[0]
     else:
         nearest = max(block, key=_digits)
-    if said is not None and not _same(nearest, said):
+    if said is not None and not same_time(nearest.stamps, said.stamps):
         raise SeveralTimesError([said, nearest], "'time' names the first, the second stands between it and the channel")
     return nearest
 
@@ -85,28 +87,31 @@ def _stamps_readings(time: TimeColumn, values: np.ndarray) -> bool:
     return bool(stray <= _STRAY * np.count_nonzero(readings))
 
 
-def _same(one: TimeColumn, two: TimeColumn) -> bool:
-    """Whether two columns show the same time but for their digits, or but for a zero by which they never meet.
+def same_time(one: np.ndarray, two: np.ndarray) -> bool:
+    """Whether stamps (n,) [s] show the same time but for their digits, or but for a zero by which they never meet.
 
     A time of day and a time since the start differ by hours, two loggers by less than a record takes.
     """
-    both = np.isfinite(one.stamps) & np.isfinite(two.stamps)
-    if np.count_nonzero(both) < 2 or np.any(np.isfinite(one.stamps) != np.isfinite(two.stamps)):
+    both = np.isfinite(one) & np.isfinite(two)
+    if np.count_nonzero(both) < 2 or np.any(np.isfinite(one) != np.isfinite(two)):
         return False
-    a, b = one.stamps[both], two.stamps[both]
+    a, b = one[both], two[both]
     difference = b - a
-    # Rounded stamps differ by their resolution, which is the step where rows share a stamp.
-    steps = max(float(np.max(np.abs(np.diff(s)))) for s in (a, b))
-    resolution = steps if min(np.count_nonzero(np.diff(s)) for s in (a, b)) < 0.9 * (a.size - 1) else 0.5 * steps
-    if np.ptp(difference) > 1.05 * resolution:
+    near = 1.05 * max(_resolution(a), _resolution(b)) + _SAME * float(np.median(np.abs(np.diff(a))))
+    if np.ptp(difference) > near:
         return False
-    return bool(np.max(np.abs(difference)) <= 1.05 * resolution or a[-1] < b[0] or b[-1] < a[0])
+    return bool(np.max(np.abs(difference)) <= near or a[-1] < b[0] or b[-1] < a[0])
+
+
+def _resolution(stamps: np.ndarray) -> float:
+    """How far stamps may be from those with more digits: the step where rows share one, else how steps vary."""
+    steps = np.abs(np.diff(stamps))
+    if np.count_nonzero(steps) < 0.99 * steps.size:
+        return float(np.max(steps))
+    low, high = np.quantile(steps, (0.01, 0.99))
+    return float(high - low)
 
 
 def _digits(time: TimeColumn) -> int:
     """Number of different stamps, of which a column with more digits has more."""
     return int(np.count_nonzero(np.diff(time.stamps[np.isfinite(time.stamps)])))
-
-
-def _plain(name: str) -> str:
-    return name.strip().casefold()

@@ -19,7 +19,7 @@ from sysid.wording import shorten
 _NO_UNIT = ("-", "--", "None", "NONE", "none")
 #: Names of axes in the languages of loggers: time, any quantity, and quantities that are not time.
 _TIME_AXIS = re.compile(r"time|zeit|temps|tiempo|tempo|^t$|seconds?$|sekunden?$", re.IGNORECASE)
-_ANY_AXIS = ("x", "x axis", "x-axis", "x_value", "abscissa", "none", "unknown", "general")
+_ANY_AXIS = ("x", "x axis", "x-axis", "x-achse", "axe x", "x_value", "abscissa", "none", "unknown", "general")
 _OTHER_AXIS = re.compile(
     r"angle|winkel|distance|strecke|\bweg\b|length|position|displacement|frequen|\border\b|ordnung|\brpm\b|speed|index|"
     r"number|sample|cycle|temperature|pressure|strain|force",
@@ -129,10 +129,11 @@ def axis_seconds(what: str, unit: str | None, path: str) -> float:
     RefusedError
         If it is not time, by its quantity or its unit.
     """
-    what, unit = what.strip(), unit_text(unit) or ""
+    what, unit = what.strip(), (unit_text(unit) or "").rstrip(".")
     factor = time_unit(unit) if unit else 1.0
+    says_time = _TIME_AXIS.search(what) is not None
     says_nothing = not what or what.casefold() in _ANY_AXIS
-    if factor is None or _OTHER_AXIS.search(what) or not (unit or says_nothing or _TIME_AXIS.search(what)):
+    if factor is None or not (says_time or says_nothing or (unit and not _OTHER_AXIS.search(what))):
         raise not_time(what or "a quantity", unit, path)
     return factor
 

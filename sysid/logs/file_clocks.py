@@ -11,12 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from sysid.logs.clock_columns import SeveralTimesError, TimeColumn, same_time, time_of_channel
 from sysid.logs.file_channels import LISTED, FileChannel, RefusedError, is_time, not_time, numbers_of, unit_text
 from sysid.logs.time_columns import find_time, seconds_in, time_unit
 from sysid.wording import joined_words, shorten
-
-#: Two columns of time show the same instants if they differ less than this, of the median step.
-_SAME_STEPS = 0.01
 
 
 @dataclass
@@ -40,15 +38,16 @@ class FileClocks:
         for channel in self.channels:
             self._parts[channel.group, channel.place].append(channel)
 
-    def clock_of(self, channel: FileChannel, size: int) -> int:
-        """Number of the clock of a channel of `size` values.
+    def clock_of(self, channel: FileChannel, values: np.ndarray) -> int:
+        """Number of the clock of a channel with these values.
 
         Raises
         ------
         RefusedError
             If it has no time of that length, several, or an axis that is not time.
         """
-        source, name, stamps = self._time_of(channel)
+        size = values.size
+        source, name, stamps = self._time_of(channel, values)
         clock = self._by_source.get(source)
         if clock is None:
             clock = self._by_source[source] = self._clock(stamps(), name, channel.first_row)
@@ -72,10 +71,10 @@ class FileClocks:
         self.described.append({"name": name, "first_row": first_row})
         return alike[-1]
 
-    def _time_of(self, channel: FileChannel) -> tuple[int, str, Callable[[], np.ndarray]]:
+    def _time_of(self, channel: FileChannel, values: np.ndarray) -> tuple[int, str, Callable[[], np.ndarray]]:
         """What the stamps of a channel come from, as a number, with their name and the stamps."""
         if channel.time is None or self.time is not None:
-            found = self._column_of_time(channel)
+            found = self._column_of_time(channel, values)
             if found is not None:
                 return id(found), found.name, partial(self._seconds, found)
         if isinstance(channel.time, FileChannel):
@@ -88,7 +87,7 @@ class FileClocks:
             "its name by 'time' in campaign.toml or write it with the file"
         )
 
-    def _column_of_time(self, channel: FileChannel) -> FileChannel | None:
+    def _column_of_time(self, channel: FileChannel, values: np.ndarray) -> FileChannel | None:
         """The column of time in the part of the file in which a channel stands, or in one around it.
 
         A column elsewhere counts where the file has no other.
@@ -96,7 +95,7 @@ class FileClocks:
         part = self._parts[channel.group, channel.place]
         times = self._times(part, channel)
         if times:
-            return self._nearest(channel, part, times)
+            return self._nearest(channel, part, times, values)
         around = channel.group
         while around:
             around = around.rpartition("/")[0]
@@ -108,39 +107,59 @@ class FileClocks:
         return self._only(channel, times) if times and len(others) == len(times) else None
 
     def _times(self, candidates: Sequence[FileChannel], channel: FileChannel) -> list[FileChannel]:
-        """Columns of time of the length of a channel: the usual one first, the others in the order of the file."""
-        times = [c for c in candidates if c.length == channel.length and c is not channel and self._is_time(c)]
+        """Columns of time of the length of a channel: the usual one first, the others in the order of the file.
+
+        A wanted one counts alone where the order of the channels says nothing.
+        """
+        alike = [c for c in candidates if c.length == channel.length and c is not channel]
+        wanted = [c for c in alike if self._is_time(c)]
+        if self.time is None or not wanted or not channel.in_order or channel.time is not None:
+            times = wanted
+        else:
+            times = [*wanted, *(c for c in alike if is_time(c, None) and c not in wanted)]
         name = find_time([c.name for c in times], self.time)
         return sorted(times, key=lambda c: c.name != name)
 
     def _is_time(self, column: FileChannel) -> bool:
         return is_time(column, self.time)
 
-    def _nearest(self, channel: FileChannel, part: Sequence[FileChannel], times: list[FileChannel]) -> FileChannel:
-        """Of several columns that differ the nearest to the left of the channel, else the usual one."""
-        stamps = self._readable(times)
-        if all(_same_clock(other, stamps[0]) for other in stamps):
-            return times[0]
-        known = {id(c) for c in times}
-        left = [c for c in part[: next(i for i, c in enumerate(part) if c is channel)] if id(c) in known]
-        if not left or not channel.in_order:
-            raise _several_times(channel, times)
-        return left[-1]
+    def _nearest(
+        self, channel: FileChannel, part: Sequence[FileChannel], times: list[FileChannel], values: np.ndarray
+    ) -> FileChannel:
+        """Of several columns of time that of a channel, by the order of the file."""
+        readable = self._readable(times)
+        if len(readable) < 2:
+            return readable[0][0] if readable else times[0]
+        if not channel.in_order:
+            if not all(same_time(readable[0][1], stamps) for _, stamps in readable[1:]):
+                raise _several_times(channel, times)
+            return readable[0][0]
+        at = {id(c): i for i, c in enumerate(part)}
+        declared = [] if self.time is None else [at[id(c)] for c in times if self._is_time(c)]
+        columns = [TimeColumn(at[id(c)], c.name, stamps) for c, stamps in readable]
+        try:
+            found = time_of_channel(at[id(channel)], values, columns, declared)
+        except SeveralTimesError as error:
+            raise RefusedError(
+                f"has several columns of time for '{shorten(channel.path)}', {error}; export the file with the column "
+                "of time of every channel to its left, and leave 'time' out of campaign.toml"
+            ) from None
+        return part[found.place]
 
     def _only(self, channel: FileChannel, times: list[FileChannel]) -> FileChannel:
         """The column of another part: of several all stamps must agree."""
-        stamps = self._readable(times)
+        stamps = [found for _, found in self._readable(times)]
         if not all(np.array_equal(other, stamps[0], equal_nan=True) for other in stamps):
             raise _several_times(channel, times)
         return times[0]
 
-    def _readable(self, times: Sequence[FileChannel]) -> list[np.ndarray]:
-        """Stamps of the columns of time that can be read; of a single one nothing is read."""
-        stamps = []
+    def _readable(self, times: Sequence[FileChannel]) -> list[tuple[FileChannel, np.ndarray]]:
+        """Columns of time that can be read, with their stamps; of a single one nothing is read."""
+        found = []
         for column in times if len(times) > 1 else ():
             with suppress(RefusedError):
-                stamps.append(self._seconds(column))
-        return stamps
+                found.append((column, self._seconds(column)))
+        return found
 
     def _seconds(self, column: FileChannel) -> np.ndarray:
         if id(column) not in self._columns:
@@ -161,20 +180,6 @@ class FileClocks:
         if said is not None and time_unit(said) is None:
             raise not_time(f"'{column.name}'", said, column.path)
         return numbers_of(array, column.path) * seconds_in(column.name, said)
-
-
-def _same_clock(stamps_s: np.ndarray, others_s: np.ndarray) -> bool:
-    """Whether two columns show the same instants: their steps are equal, and they differ by nothing or by their zero.
-
-    Columns whose spans overlap have one zero, as those of two devices that began one after the other.
-    """
-    steps, other_steps = np.diff(stamps_s), np.diff(others_s)
-    near_s = _SAME_STEPS * np.nanmedian(np.abs(other_steps))
-    same = np.abs(steps - other_steps) <= near_s
-    if not np.all(same | (np.isnan(steps) & np.isnan(other_steps))):
-        return False
-    apart_s, span_s = abs(np.nanmin(stamps_s) - np.nanmin(others_s)), np.nanmax(others_s) - np.nanmin(others_s)
-    return bool(apart_s <= near_s or apart_s > span_s)
 
 
 def _several_times(channel: FileChannel, times: Sequence[FileChannel]) -> RefusedError:

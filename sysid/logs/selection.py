@@ -104,7 +104,7 @@ class _Answer:
         """
         array, unit = channel.load()
         numbers = numbers_of(array, channel.path)
-        clock = self.clocks.clock_of(channel, numbers.size)
+        clock = self.clocks.clock_of(channel, numbers)
         holes = np.isnan(numbers)
         # Rows without a stamp are no samples.
         missing = int(np.count_nonzero(holes & np.isfinite(self.clocks.stamps[clock]))) if holes.any() else 0

@@ -12,8 +12,11 @@ from sysid.logs.channels import Clock
 _LEAST_ROWS = 16
 #: Steps of a stretch in which the resolution of the stamps is looked for: that of 32-bit floats grows with time.
 _STRETCH_STEPS = 4096
-#: Share of the steps, at either end of their sizes, that may be pauses or hiccups.
+#: Share and number of the steps, at either end of their sizes, that may be pauses or hiccups.
 _ODD_SHARE = 0.005
+_ODD_STEPS = 3
+#: Up to this share of steps of twice the usual size are rows that the logger lost, not rounding.
+_LOST_SHARE = 0.1
 #: Stamps with less jitter than this, of their step, are taken as they are.
 _EXACT = 1e-3
 _DAY_S = 86400.0
@@ -166,16 +169,20 @@ def _line(stamps: np.ndarray, rows: np.ndarray, part: np.ndarray, step: float) -
 def _resolution(steps: np.ndarray) -> tuple[bool, float, float]:
     """Whether stamps with these steps are rounded, their resolution, and the largest usual step.
 
-    Steps of rounded stamps have two sizes next to each other, those that waver have many.
+    Steps of rounded stamps have two sizes, multiples of the resolution next to each other; those that waver have many,
+    and a pause has a size of its own.
     """
     found = []
     for begin in range(0, max(steps.size - _STRETCH_STEPS // 2, 1), _STRETCH_STEPS):
         stretch = np.sort(steps[begin : begin + _STRETCH_STEPS + _STRETCH_STEPS // 2])
-        odd = int(_ODD_SHARE * stretch.size)
+        odd = max(_ODD_STEPS, int(_ODD_SHARE * stretch.size))
         usual = stretch[odd : stretch.size - odd]
         size = float(usual[-1] - usual[0])
         two = np.minimum(usual - usual[0], usual[-1] - usual) <= 0.05 * size
-        found.append((bool(two.all()), size, float(usual[-1])))
+        multiple = float(usual[0]) / size if size > 0.0 else 0.0
+        whole = abs(multiple - round(multiple)) <= 0.05
+        lost = round(multiple) == 1 and np.mean(usual - usual[0] > 0.5 * size) <= _LOST_SHARE
+        found.append((bool(two.all()) and whole and not lost, size, float(usual[-1])))
     # Where the resolution of 32-bit floats changes there are more sizes.
     two_sizes, sizes, highest = zip(*found, strict=True)
     return 2 * sum(two_sizes) > len(found), max(sizes), max(highest)

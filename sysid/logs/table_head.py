@@ -21,6 +21,25 @@ def is_reading(cell: str) -> bool:
     return _NUMBER.fullmatch(text) is not None or is_instant(text) or is_coarse_instant(text)
 
 
+def head_below(
+    rows: Sequence[Sequence[str]], used: Sequence[bool], keys: Sequence[bool], units_row: bool = False
+) -> tuple[int, tuple[str, ...]]:
+    """How many rows stand between the names and the first numbers, and the units in one of them, empty without one.
+
+    Parameters
+    ----------
+    rows : cells of the first rows below the names.
+    used, keys : which columns are read, and which are those of time, or of what else stands for the row.
+    units_row : whether the first row holds units, whatever stands there.
+    """
+    places = [place for place, read in enumerate(used) if read]
+    key = next((place for place, one in enumerate(keys) if one), None)
+    declared = int(units_row and len(rows) > 0)
+    between = declared + rows_above_numbers(rows[declared:], places, key)
+    at = 0 if declared else units_among(rows[:between], key)
+    return between, () if at is None else tuple(bare_unit(cell) for cell in rows[at])
+
+
 def rows_above_numbers(rows: Sequence[Sequence[str]], used: Sequence[int], time: int | None) -> int:
     """How many of the rows below the names hold no numbers; 0 where the first numbers are not among them.
 

@@ -42,11 +42,12 @@ def _read(file: InputFile, label: str, request: LogRequest) -> LogContent:
     for place in times:
         factor = 1.0 if place in instants else seconds_in(table.names[place], table.unit(place))
         of_time.append(TimeColumn(place, table.names[place], columns[place] * factor))
+    said = [] if declared is None else [t.place for t in of_time if is_key(t.name)]
     clocks = {t.place: Clock(t.name, t.stamps, table.layout.first_row) for t in of_time}
     channels = []
     for name, place in wanted.items():
         try:
-            time = time_of_channel(place, columns[place], of_time, declared)
+            time = time_of_channel(place, columns[place], of_time, said)
         except SeveralTimesError as error:
             raise DataRejectedError(
                 f"{label} has several columns of time for '{shorten(name)}', {error}; export the file "

@@ -14,7 +14,7 @@ import numpy as np
 from sysid import limits
 from sysid.errors import DataRejectedError
 from sysid.logs.input_file import FileRefusedError, InputFile, read_file
-from sysid.logs.table_head import MOST_ROWS, bare_unit, rows_above_numbers, units_among
+from sysid.logs.table_head import MOST_ROWS, head_below, rows_above_numbers
 from sysid.logs.text_instants import has_instants, is_coarse_instant, is_instant, read_instants
 from sysid.logs.text_numbers import (
     COMMENT,
@@ -38,6 +38,8 @@ _COMMENT = (*COMMENT, '"#')
 #: Columns of names of several words that stand under each other are divided by two spaces.
 _WIDE = "  "
 _DELIMITERS = (",", ";", "\t", "|", WHITE_SPACE, _WIDE)
+#: One of several columns of a name.
+_NUMBERED = re.compile(r"(.*) #([1-9]\d{0,3})")
 #: Longest line whose cells may be divided by spaces [characters].
 _SPACED_LINE = 20_000
 #: A number with a decimal mark, one that may as well be a thousand, and how many of the former are looked at.
@@ -101,7 +103,7 @@ class TextTable:
         return (self.layout.units[place] if place < len(self.layout.units) else "") or None
 
     def place(self, name: str) -> int | None:
-        """Place of the column with a name, None where there is none.
+        """Place of the column with a name, or of the second of several by ``NAME #2``; None where there is none.
 
         Raises
         ------
@@ -112,8 +114,11 @@ class TextTable:
         if len(at) > 1:
             raise DataRejectedError(
                 f"{self.label}: the column '{shorten(name)}' stands twice in the header (columns {at[0] + 1} and "
-                f"{at[1] + 1}); rename one of them."
+                f"{at[1] + 1}); name the column '{shorten(name)} #1' or '{shorten(name)} #2'."
             )
+        numbered = _NUMBERED.fullmatch(name)
+        if not at and numbered is not None:
+            at = [i for i, n in enumerate(self.names) if n == numbered[1]][int(numbered[2]) - 1 :]
         return at[0] if at else None
 
     def first_cell(self, place: int) -> str:
@@ -212,11 +217,14 @@ def open_table(
         raise DataRejectedError(f"{label} is binary, not text; export the log as CSV.")
     layout = _header(lines, label, encoding, wanted, is_key)
     known = set(wanted)
-    used = [i for i, name in enumerate(layout.names) if name in known or is_key(name)]
-    key = next((i for i in used if is_key(layout.names[i])), None)
-    layout = _below_names(lines, layout, used, key, units_row)
+    keys = [is_key(name) for name in layout.names]
+    used = [name in known or key for name, key in zip(layout.names, keys, strict=True)]
+    below = lines[layout.header_line + 1 :][: MOST_ROWS + 1]
+    rows = [[] if ln.lstrip().startswith(_COMMENT) else cells_of(ln, layout.delimiter) for ln in below]
+    between, units = head_below(rows, used, keys, units_row)
+    layout = replace(layout, skipped=between, units=units)
     table = TextTable(data, label, layout)
-    return replace(table, layout=replace(layout, decimal=_decimal_mark(table, used)))
+    return replace(table, layout=replace(layout, decimal=_decimal_mark(table, np.flatnonzero(used).tolist())))
 
 
 def file_content(source: Path | InputFile, label: str) -> InputFile:
@@ -280,7 +288,7 @@ def _decimal_mark(table: TextTable, places: Sequence[int]) -> str:
 def _header(
     lines: list[str], label: str, encoding: str, wanted: Sequence[str], is_key: Callable[[str], bool]
 ) -> Layout:
-    known = set(wanted)
+    known = {*wanted, *(match[1] for name in wanted if (match := _NUMBERED.fullmatch(name)) is not None)}
     best: tuple[tuple[int, bool], int, str, list[str]] = ((0, False), 0, ",", [])
     for number, line in enumerate(lines[: limits.HEADER_LINES]):
         comment = line.lstrip().startswith(_COMMENT)
@@ -326,17 +334,6 @@ def _fits(lines: Sequence[str], names: list[str]) -> bool:
     rows = [ln.split() for ln in lines[:MOST_ROWS] if ln.strip() and not ln.lstrip().startswith(_COMMENT)]
     first = rows_above_numbers(rows, range(len(names)), None)
     return len(names) > 1 and len(rows) > first and len(rows[first]) == len(names)
-
-
-def _below_names(lines: list[str], layout: Layout, used: Sequence[int], key: int | None, units_row: bool) -> Layout:
-    """The layout with what stands between names and numbers."""
-    below = lines[layout.header_line + 1 :][: MOST_ROWS + 1]
-    rows = [[] if ln.lstrip().startswith(_COMMENT) else cells_of(ln, layout.delimiter) for ln in below]
-    declared = int(units_row and bool(rows))
-    between = declared + rows_above_numbers(rows[declared:], used, key)
-    at = 0 if declared else units_among(rows[:between], key)
-    units = () if at is None else tuple(bare_unit(cell) for cell in rows[at])
-    return replace(layout, skipped=between, units=units)
 
 
 def _no_header(first: str, label: str, wanted: Sequence[str]) -> str:

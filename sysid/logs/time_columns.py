@@ -25,12 +25,16 @@ TIME_NAMES: dict[str, float] = {
     "timestamps": 1.0,
 }
 _UNITS: dict[str, float] = {
-    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
-    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
+    **dict.fromkeys(
+        ("s", "sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden", "seconde", "secondes"), 1.0
+    ),
+    **dict.fromkeys(("segundo", "segundos", "secondo", "secondi"), 1.0),
+    **dict.fromkeys(("ms", "msec", "msek", "millisecond", "milliseconds", "millisekunden", "millisecondes"), 1e-3),
     **dict.fromkeys(("us", "µs", "μs", "microsecond", "microseconds"), 1e-6),
     **dict.fromkeys(("ns", "nanosecond", "nanoseconds"), 1e-9),
     **dict.fromkeys(("min", "minute", "minutes"), 60.0),
     **dict.fromkeys(("h", "hour", "hours"), 3600.0),
+    **dict.fromkeys(("day", "days"), 86400.0),
 }
 #: The unit at the end of a name: in brackets, behind an underscore, a stroke, a comma, or `in`.
 _UNIT_IN_NAME = re.compile(

@@ -112,6 +112,8 @@ IN_OTHER_UNITS = {
     ),
     "TDMS min": ("log.tdms", tdms(q_mm={"wf_increment": 0.005 / 60.0, "wf_xunit_string": "min"}), 0.0),
     "HDF5 ms": ("log.h5", hdf5(q_mm=(VALUES, {**WAVE, "wf_xunit_string": "ms", "wf_start_offset": 100.0})), 0.1),
+    "TDMS in German": ("log.tdms", tdms(q_mm={**WAVE, "wf_xname": "Zeit", "wf_xunit_string": "Millisekunden"}), 0.0),
+    "TDMS sample time": ("log.tdms", tdms(q_mm={**WAVE, "wf_xname": "Sample time", "wf_xunit_string": "msec."}), 0.0),
     "HDF5 integers in ms": ("log.h5", hdf5(q_mm=VALUES, time=(5 * np.arange(ROWS), {"units": "ms"})), 0.0),
     "UFF ms": ("log.uff", uff({"x": 1e3 * TIME_S, "abscissa_axis_units_lab": "ms"}), 0.0),
     "UFF of unsaid kind": ("log.uff", uff({"x": 1e3 * TIME_S, "abscissa_spec_data_type": 0,
@@ -162,6 +164,20 @@ def test_waveforms_begin_when_they_say() -> None:
     assert stamps("log.tdms", data) == pytest.approx(TIME_S, abs=1e-9)
     unsaid = tdms(q_mm=first, a_g=later, b_g={"wf_increment": 0.005})
     assert "no wf_start_time for 'G/b_g'" in refusal("log.tdms", unsaid, "b_g")
+
+
+@pytest.mark.parametrize(("pause_ms", "second_s"), [(0, 0.5), (250, 0.75)], ids=["goes on", "begun again"])
+def test_a_waveform_in_several_pieces(pause_ms: int, second_s: float) -> None:
+    """LabVIEW appends to a file: the start of the second piece stands in its own segment."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    stream = io.BytesIO()
+    with TdmsWriter(stream) as writer:
+        for start in (START, START + np.timedelta64(500 + pause_ms, "ms")):
+            about = {"wf_start_time": start, "wf_increment": 0.005}
+            writer.write_segment([ChannelObject("G", "q_mm", VALUES[:100], about)])
+    expected = np.concatenate([TIME_S[:100], second_s + TIME_S[:100]])
+    np.testing.assert_allclose(stamps("log.tdms", stream.getvalue()), expected, rtol=0.0, atol=1e-9)
 
 
 def test_data_sets_of_hdf5_begin_when_they_say() -> None:

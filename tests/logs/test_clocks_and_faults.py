@@ -173,7 +173,9 @@ def test_cells_of_a_sheet() -> None:
     log = sheet(LogWriting(units_row=True))
     assert np.flatnonzero(np.isnan(log.channels[0].value)).tolist() == [5]
     assert log.channels[0].value[6] == pytest.approx(6e-3)
-    with pytest.raises(DataRejectedError, match="'mm' in row 3 of the column 'q_mm'"):
+    np.testing.assert_array_equal(sheet(LogWriting()).channels[0].value, log.channels[0].value)
+    rows[9][1] = "mm"
+    with pytest.raises(DataRejectedError, match="'mm' in row 10 of the column 'q_mm'"):
         sheet(LogWriting())
 
 

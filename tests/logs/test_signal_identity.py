@@ -102,8 +102,13 @@ TWO_TIMES = [
 def test_of_several_columns_of_time_the_nearest_on_the_left_counts() -> None:
     assert stamps_of(TWO_TIMES, "a") == [0.0, 1.0, 2.0]
     assert stamps_of(TWO_TIMES, "q") == [5.0, 7.0, 9.0]
-    assert stamps_of(TWO_TIMES, "q", "time") == [0.0, 1.0, 2.0]
-    assert stamps_of(TWO_TIMES, "q", "S/time") == [0.0, 1.0, 2.0]
+    for name in ("time", "S/time"):
+        assert stamps_of(TWO_TIMES, "a", name) == [0.0, 1.0, 2.0]
+        # The declared one is not the nearest: one of both is wrong.
+        with pytest.raises(
+            RefusedError, match=r"for 'S/q', 'time' \(column 1\) and 't' \(column 3\), and 'time' names"
+        ):
+            stamps_of(TWO_TIMES, "q", name)
 
 
 def test_of_several_columns_of_time_in_no_order_none_is_taken() -> None:
@@ -304,3 +309,26 @@ def test_groups_of_hdf5_and_tdms_keep_their_clocks() -> None:
         q, a = channels(name, stream.getvalue(), "q_mm", "a_g")
         np.testing.assert_array_equal(q.clock.time_s, FIRST_S)
         np.testing.assert_array_equal(a.clock.time_s, bent)
+
+
+# ---------------------------------------------------------------------- stamps that are right
+
+
+@pytest.mark.parametrize("rows", [60, 190, 1000])
+@pytest.mark.parametrize("step_s", [0.001, 0.005, 0.01])
+def test_pauses_and_lost_rows_are_no_rounding(rows: int, step_s: float) -> None:
+    """Stamps of an even logger stay as they are, however many rows it lost and wherever it paused."""
+    rng = np.random.default_rng(7)
+    even = step_s * np.arange(rows)
+    paused = even + 0.25 * (np.arange(rows) >= rows // 2)
+    lost = [np.delete(even, rng.choice(np.arange(1, rows - 1), count, replace=False)) for count in (1, 2, rows // 30)]
+    for stamps in (paused, *lost):
+        (found,) = channels("log.mf4", mdf((np.round(stamps, 6), {"q_mm": np.cos(stamps)}, "A")), "q_mm")
+        np.testing.assert_allclose(found.clock.time_s, stamps, rtol=0.0, atol=1e-6)
+
+
+def test_a_pause_in_stamps_with_few_digits_stays() -> None:
+    """5 kHz with 1 ms digits, 100 rows and a pause of 0.25 s: five rows share each stamp."""
+    true_s = 0.0002 * np.arange(100) + 0.25 * (np.arange(100) >= 50)
+    (found,) = channels("log.mf4", mdf((np.floor(1e3 * true_s) / 1e3, {"q_mm": true_s}, "A")), "q_mm")
+    assert np.abs(found.clock.time_s - true_s).max() < 0.001

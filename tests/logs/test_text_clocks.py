@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
 import pytest
+from log_files import xlsx
 
 from sysid.campaign import Sensor, read_log
 from sysid.campaign.inputs.logs import LogWriting
@@ -102,6 +104,67 @@ def test_rows_without_a_stamp_at_the_end_are_blank_only_if_they_hold_nothing() -
         read("time_s;q;a\n" + rows + ";1;\n" * 80)
 
 
+def columns_side_by_side() -> dict[str, np.ndarray]:
+    """The table of `side_by_side` as columns."""
+    slow, count = np.full((2, 400), np.nan), np.arange(400)
+    slow[0, :200], slow[1, :200] = 0.005 * count[:200], 1.0 + count[:200]
+    return {"time_s": 0.0025 * count, "a": 1.0 + count, "time2_s": slow[0], "q": slow[1]}
+
+
+def in_sheet() -> bytes:
+    columns = columns_side_by_side()
+    rows = [["" if np.isnan(v) else float(v) for v in row] for row in zip(*columns.values(), strict=True)]
+    return xlsx([list(columns), ["s", "m/s^2", "s", "mm"], *rows])
+
+
+def in_arrow(write) -> bytes:
+    import pyarrow as pa
+
+    stream = io.BytesIO()
+    write(pa.table(columns_side_by_side()), stream)
+    return stream.getvalue()
+
+
+def in_tdms() -> bytes:
+    """One group, channels of unequal length, as catman exports them."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    stream = io.BytesIO()
+    with TdmsWriter(stream) as writer:
+        columns = columns_side_by_side()
+        writer.write_segment([ChannelObject("log", n, v[np.isfinite(v)]) for n, v in columns.items()])
+    return stream.getvalue()
+
+
+def parquet(*what) -> None:
+    from pyarrow.parquet import write_table
+
+    write_table(*what)
+
+
+def feather(*what) -> None:
+    from pyarrow.feather import write_feather
+
+    write_feather(*what, compression="uncompressed")
+
+
+FORMATS = {
+    "log.xlsx": in_sheet,
+    "log.parquet": lambda: in_arrow(parquet),
+    "log.feather": lambda: in_arrow(feather),
+    "log.tdms": in_tdms,
+}
+
+
+@pytest.mark.parametrize(("name", "written"), FORMATS.items(), ids=FORMATS)
+def test_every_format_with_columns_in_order_reads_them_alike(name: str, written) -> None:
+    data = InputFile(Path(name), written())
+    check_two_clocks(read_log(data, name, (Q, A), 0.005))
+    if name != "log.tdms":  # where only one time has the length of the channel
+        with pytest.raises(DataRejectedError, match=r"several columns of time for .*'time_s' \(.*'time2_s' \("):
+            read_log(data, name, (Q, A), 0.005, LogWriting(time="time_s"))
+
+
 # ---------------------------------------------------------------------- too few digits
 
 
@@ -161,7 +224,7 @@ def test_a_late_record_in_32_bit_floats() -> None:
     from scipy.io import savemat
 
     rows = np.arange(6000)
-    stream = __import__("io").BytesIO()
+    stream = io.BytesIO()
     savemat(stream, {"time_s": (2000.0 + rows / 5000.0).astype(np.float32), "q": rows * 1.0, "a": rows * 1.0})
     log = read_log(InputFile(Path("log.mat"), stream.getvalue()), "log.mat", (Q, A), 0.0002)
     np.testing.assert_allclose(log.channels[0].time_s, rows / 5000.0, atol=1e-5)
@@ -257,3 +320,13 @@ def test_a_time_that_is_none_is_named_as_such(cell: str) -> None:
         DataRejectedError, match=r"row 2, column 'time' has '.*', expected a number; it is a (time|date)"
     ):
         read("time;q;a\n" + f"{cell};1;1\n" * 20)
+
+
+def test_clocks_of_text_in_a_sheet() -> None:
+    rows = [[f"06.05.2024 10:05:{58 + 0.005 * i:06.3f}", float(i), 0.0] for i in range(100)]
+    data = InputFile(
+        Path("log.xlsx"), xlsx([["Prüfstand 7"], ["Zeit", "q", "a"], ["TS", "mm", "g"], ["", "Smp", "Smp"], *rows])
+    )
+    log = read_log(data, "log.xlsx", (Q, Sensor("a", "axle_acceleration", "g", axle=0)), 0.005)
+    np.testing.assert_allclose(log.channels[0].time_s, 0.005 * np.arange(100), atol=1e-6)
+    assert log.start_time_s == pytest.approx(36_358.0)

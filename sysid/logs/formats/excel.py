@@ -10,9 +10,12 @@ import numpy as np
 
 from sysid import limits
 from sysid.logs.by_library import library_format
+from sysid.logs.names import normal_name
 from sysid.logs.selection import FileChannel, RefusedError
-from sysid.logs.text_numbers import MISSING
-from sysid.logs.time_columns import TIME_NAMES
+from sysid.logs.table_head import MOST_ROWS, head_below
+from sysid.logs.text_instants import is_instant, seconds_of
+from sysid.logs.text_numbers import MISSING, SIGNS, CellError
+from sysid.logs.time_columns import is_time, time_unit
 
 
 def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChannel]:
@@ -43,14 +46,20 @@ def _of_sheet(sheet: str, rows: list[list[Any]], request: dict[str, Any]) -> Ite
     header = max(range(min(len(rows), limits.HEADER_LINES)), key=lambda i: _hits(rows[i], wanted), default=None)
     if header is None or not _hits(rows[header], wanted):
         return
-    first = header + (2 if request["units_row"] else 1)
+    names = [normal_name(str(cell).strip()) for cell in rows[header]]
+    below = [[str(cell) for cell in row] for row in rows[header + 1 : header + 2 + MOST_ROWS]]
+    between, units = head_below(
+        below, [n in wanted or is_time(n) for n in names], [is_time(n) for n in names], bool(request["units_row"])
+    )
+    first = header + 1 + between
     body = rows[first:]
     while body and all(cell == "" for cell in body[-1]):
         body.pop()
-    for place, cell in enumerate(rows[header]):
-        name = str(cell).strip()
+    for place, name in enumerate(names):
         if name:
-            unit = str(rows[header + 1][place]) if request["units_row"] and header + 1 < len(rows) else None
+            unit = units[place] if place < len(units) else None
+            # A column of time may stand over other words, such as TS.
+            unit = None if is_time(name) and time_unit(unit) is None else unit
             yield FileChannel(name, len(body), _loader(body, place, name, first, unit), sheet, first_row=first + 1)
 
 
@@ -61,8 +70,8 @@ def _loader(
 
 
 def _hits(row: Sequence[Any], wanted: set[str]) -> int:
-    names = {str(cell).strip() for cell in row if isinstance(cell, str)}
-    return 2 * len(names & wanted) + any(name.casefold() in TIME_NAMES for name in names)
+    names = {normal_name(cell.strip()) for cell in row if isinstance(cell, str)}
+    return 2 * len(names & wanted) + any(is_time(name) for name in names)
 
 
 def _column(body: list[list[Any]], place: int, name: str, first: int) -> np.ndarray:
@@ -70,16 +79,32 @@ def _column(body: list[list[Any]], place: int, name: str, first: int) -> np.ndar
     cells = [row[place] if place < len(row) else "" for row in body]
     if any(isinstance(cell, (dt.date, dt.time, dt.timedelta)) for cell in cells):
         return np.array([_instant(cell) for cell in cells], dtype="timedelta64[ns]")
+    texts = [cell for cell in cells if isinstance(cell, str) and cell.strip()]
+    if texts and is_instant(texts[0]):
+        return _instants(cells, name, first)
     numbers = np.full(len(cells), np.nan)
     for i, cell in enumerate(cells):
         if isinstance(cell, (int, float)):
             numbers[i] = cell
         elif str(cell).strip().casefold() not in MISSING:
-            raise RefusedError(
-                f"has '{str(cell)[:40]}' in row {first + i + 1} of the column '{name[:60]}', expected a number; "
-                "correct or empty the cell"
-            )
+            raise _strange(str(cell), first + i, name)
     return numbers
+
+
+def _instants(cells: list[Any], name: str, first: int) -> np.ndarray:
+    """Dates and times of day that are cells of text, in seconds."""
+    import pandas as pd
+
+    try:
+        return seconds_of(pd.Series([str(cell).strip() for cell in cells]).str.translate(SIGNS))
+    except CellError as error:
+        raise _strange(error.text, first + error.row, name) from None
+
+
+def _strange(cell: str, row: int, name: str) -> RefusedError:
+    return RefusedError(
+        f"has '{cell[:40]}' in row {row + 1} of the column '{name[:60]}', expected a number; correct or empty the cell"
+    )
 
 
 def _instant(cell: Any) -> np.timedelta64:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
-from numbers import Real
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from sysid.logs.by_library import library_format
-from sysid.logs.file_channels import FileChannel, RefusedError, even_axis, no_time
+from sysid.logs.file_channels import FileChannel, RefusedError
+from sysid.logs.formats.tdms_waveforms import Waveforms
 from sysid.logs.names import decoded
 
 #: Scalings that the library knows; others it leaves out with a line in its log, which would pass raw counts as values.
@@ -45,46 +45,20 @@ def channels_of(stream: BinaryIO, request: dict[str, Any]) -> Iterator[FileChann
     complaints = _Complaints()
     log = logging.getLogger("nptdms")
     log.handlers, log.propagate = [complaints], False
+    waveforms = Waveforms()
     file = TdmsFile.open(stream)
     channels = [channel for group in file.groups() for channel in group.channels()]
     if any(word in line.lower() for line in complaints.lines for word in ("incomplete", "cropping", "less data")):
         raise RefusedError("is a TDMS file that ends before its data do; copy or export it again")
-    starts = {start for channel in channels if len(channel) and (start := _start(channel)) is not None}
-    for channel in channels:
+    for channel, time in zip(channels, waveforms.stamps(file, channels), strict=True):
         yield FileChannel(
             channel.name,
             len(channel),
             partial(_load, channel, complaints),
             channel.group_name,
-            _waveform(channel, starts),
+            time,
             "time of the waveform",
         )
-
-
-def _start(channel: Any) -> np.datetime64 | None:
-    start = channel.properties.get("wf_start_time")
-    return start if isinstance(start, np.datetime64) and not np.isnat(start) and start.astype("i8") else None
-
-
-def _waveform(channel: Any, starts: set[np.datetime64]) -> Callable[[], np.ndarray] | None:
-    """Stamps [s] of a channel with a step, counted from the earliest start of the file; None without a step."""
-    properties, path = channel.properties, f"{channel.group_name}/{channel.name}"
-    step = properties.get("wf_increment")
-    if not isinstance(step, Real) or not step:
-        return None
-    start, zero_s = _start(channel), 0.0
-    if start is not None:
-        zero_s = float((start - min(starts, default=start)) / np.timedelta64(1, "ns")) * 1e-9
-    elif len(starts) > 1:
-        return no_time(
-            RefusedError(
-                f"has no wf_start_time for '{path[:60]}', and other channels begin at different times; export it again"
-            )
-        )
-    what, unit = (str(properties.get(key) or "") for key in ("wf_xname", "wf_xunit_string"))
-    offset = float(properties.get("wf_start_offset", 0.0) or 0.0)
-    stamps: Callable[[], np.ndarray] = even_axis(what, unit, offset, float(step), len(channel), path, zero_s)
-    return stamps
 
 
 def _load(channel: Any, complaints: _Complaints) -> tuple[np.ndarray, str | None]:
