@@ -181,3 +181,17 @@ def test_a_common_signal_with_a_gap_shows_the_lag() -> None:
     lag = sync_lag((time, pulses(time)), (time[lost], pulses(time[lost] + 0.35)), (-1.0, 1.0))
     assert lag is not None
     assert lag.lag_s == pytest.approx(0.35, abs=STEP_S)
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.25])
+def test_a_module_that_begins_late_is_read_at_rest_before_its_own_motion(late_s: float) -> None:
+    """Rest at 0.1 g until 0.7 s, then motion of 5 g; the others move at 1.0 s."""
+    time = late_s + 0.005 * np.arange(400)
+    rng = np.random.default_rng(1)
+    value = 0.1 + 0.01 * rng.normal(size=time.size) + np.where(time >= 0.7, 5.0 * np.sin(60.0 * (time - 0.7)), 0.0)
+    channel = Channel(Sensor("a_g", "axle_acceleration", "g", axle=0), time, value, np.zeros(time.size, np.int8))
+    (start,) = defects.motion_starts([channel])
+    assert start == pytest.approx(0.705, abs=0.01)
+    level, noise = defects.rest_of(channel, 1.0, start)
+    assert level == pytest.approx(0.1, abs=0.005)
+    assert noise == pytest.approx(0.01, rel=0.4)

@@ -238,7 +238,9 @@ def _stands_alone(value: np.ndarray, i: int, margin: float) -> bool:
 
 
 def motion_starts(channels: Sequence[Channel]) -> list[float | None]:
-    """Time [s] at which each channel leaves its first level: infinity if never, 0 if it moves at once, None if empty.
+    """Time [s] at which each channel leaves its first level: infinity if never, 0 if it moves at once.
+
+    It is None for an empty channel, and for one that begins late and moves then.
 
     Each channel is compared with its own first 0.2 s; it has left that level by six times its scatter and a twentieth
     of its range.
@@ -249,8 +251,11 @@ def motion_starts(channels: Sequence[Channel]) -> list[float | None]:
 def _channel_start(channel: Channel) -> float | None:
     good = np.isfinite(channel.value)
     time, value = channel.time_s[good], channel.value[good]
-    quiet = time <= QUIET_S
-    if value.size < 20 or quiet.sum() < 4:
+    if value.size < 20:
+        return None
+    # A module may begin to record after the others.
+    quiet = time <= time[0] + QUIET_S
+    if quiet.sum() < 4:
         return None
     level, scatter = float(np.median(value[quiet])), float(np.std(value[quiet]))
     size = float(np.max(np.abs(value - level)))
@@ -259,7 +264,7 @@ def _channel_start(channel: Channel) -> float | None:
     # Motion is smooth from sample to sample, noise is not: its second differences are sqrt(6) times its rms.
     noise = float(np.std(np.diff(value[quiet], 2))) / np.sqrt(6.0)
     if scatter > MOVING_SHARE * size and scatter > 4.0 * noise:
-        return 0.0
+        return 0.0 if time[0] < QUIET_S else None
     away = np.abs(value - level) > max(6.0 * scatter, 0.05 * size)
     both = away[:-1] & away[1:]
     return float(time[np.argmax(both)]) if both.any() else np.inf
