@@ -15,7 +15,7 @@ from sysid.display import TextTable
 from sysid.errors import DataRejectedError, SysidError
 from sysid.logs.by_library import installed
 from sysid.logs.channels import LogContent, LogFormat, LogRequest
-from sysid.logs.registry import FORMATS, format_of
+from sysid.logs.registry import FORMATS, format_of, read_channels
 from sysid.logs.text_table import file_content
 from sysid.wording import shorten
 
@@ -61,10 +61,10 @@ def _show_file(screen: Console, path: Path) -> None:
     file = file_content(path, label)
     known = format_of(file)
     try:
-        content = known.read(file, label, LogRequest((), everything=True))
+        content = read_channels(file, label, LogRequest((), everything=True))
         refused = ""
     except DataRejectedError as error:
-        content = known.read(file, label, LogRequest(()))
+        content = read_channels(file, label, LogRequest(()))
         refused = str(error)
     names = content.names
     listed = ", ".join(f"'{shorten(n)}'" for n in names[:_NAMES]) + (", ..." if len(names) > _NAMES else "")
@@ -79,7 +79,7 @@ def _show_file(screen: Console, path: Path) -> None:
 def _clocks(content: LogContent) -> TextTable:
     """The channels by the names that a campaign file may use, with their clocks: equal numbers are one clock."""
     table = TextTable(
-        "", ("channel", "unit", "samples", "missing", "clock", "rate [Hz]", "first stamp [s]", "stamps of")
+        "", ("channel", "group", "unit", "samples", "missing", "clock", "rate [Hz]", "first stamp [s]", "stamps")
     )
     numbers: dict[int, int] = {}
     for channel in content.channels[:_NAMES]:

@@ -90,7 +90,7 @@ class FileClocks:
     def _column_of_time(self, channel: FileChannel, values: np.ndarray) -> FileChannel | None:
         """The column of time in the part of the file in which a channel stands, or in one around it.
 
-        A column elsewhere counts where the file has no other.
+        A column elsewhere counts where the file has no other, and the channel no stamps of its own.
         """
         part = self._parts[channel.group, channel.place]
         times = self._times(part, channel)
@@ -102,6 +102,8 @@ class FileClocks:
             times = [c for c in self._times(self.channels, channel) if c.group == around]
             if times:
                 return self._only(channel, times)
+        if channel.time is not None:
+            return None
         times = self._times(self.channels, channel)
         others = [c for c in self.channels if c.length > 1 and self._is_time(c)]
         return self._only(channel, times) if times and len(others) == len(times) else None

@@ -50,7 +50,9 @@ def test_groups_and_clocks_of_a_file(tmp_path: Path) -> None:
             writer.write_segment([ChannelObject(group, name, values, {**about, "unit_string": "mm"})])
     (tmp_path / "a.tdms").write_bytes(stream.getvalue())
     said = run(str(tmp_path / "a.tdms")).output
-    lines = {line.split()[0]: line.split()[1:9] for line in said.splitlines() if line.startswith(("q_mm", "a_g"))}
+    table = [line.split() for line in said.splitlines()]
+    assert "channel group unit samples missing clock rate [Hz] first stamp [s] stamps".split() in table
+    lines = {cells[0]: cells[1:9] for cells in table if cells[0] in ("q_mm", "a_g")}
     assert lines == {
         "q_mm": ["front", "mm", "3", "1", "1", "200", "0.1", "time"],
         "a_g": ["rear", "mm", "3", "1", "2", "400", "0.1", "time"],

@@ -145,6 +145,15 @@ def test_a_time_of_another_part_counts_only_if_there_is_no_other() -> None:
     assert stamps_of([found[0], *inside], "q") == [6.0, 7.0, 8.0]
 
 
+def test_stamps_of_its_own_count_for_more_than_a_wanted_column_elsewhere() -> None:
+    def own() -> np.ndarray:
+        return np.array([0.0, 1.0, 2.0])
+
+    found = [column("q", [1, 2, 3], "A", time=own), column("clock", [5.0, 6.0, 7.0], "B", time=own)]
+    assert stamps_of(found, "q", "clock") == [0.0, 1.0, 2.0]
+    assert stamps_of([*found, column("clock", [5.0, 6.0, 7.0], "A")], "q", "clock") == [5.0, 6.0, 7.0]
+
+
 def test_dates_of_two_parts_have_one_zero() -> None:
     first = np.datetime64("2024-05-01T10:00:00", "ns") + np.array([0, 5, 10], "m8[ms]")
     found = [
