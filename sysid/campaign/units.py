@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from functools import lru_cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
 from sysid.errors import CampaignError
@@ -109,6 +110,10 @@ def si_factor(unit: str, dimension: Dimension) -> float:
     return float(_registry()(spelling).to(_SI[dimension]).magnitude)
 
 
+#: Metres in units of length, exact by definition: readers of scans need no more, and need not load pint for it.
+LENGTH_IN_M = MappingProxyType(
+    {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254, "ft": 0.3048}
+)
 #: Names in files of quantities that are neither lengths nor accelerations, in small letters.
 _OTHER = frozenset(
     """v volt volts mv millivolt uv mv/v a ma ampere ohm n kn newton newtons nm kg pa kpa mpa bar psi
@@ -161,8 +166,8 @@ def recognised_unit(
 
 def length_in_m(written: str) -> float | None:
     """Metres in a unit of length that a file writes, None where it is none."""
-    unit = recognised_unit(written)
-    return si_factor(*unit) if unit is not None and unit[1] == "length" else None
+    unit = recognised_unit(written, ("length",))
+    return LENGTH_IN_M[unit[0]] if unit is not None else None
 
 
 def is_other_quantity(written: str) -> bool:

@@ -9,6 +9,7 @@ from sysid.logs import text
 from sysid.logs.channels import LogContent, LogFormat, LogRequest
 from sysid.logs.formats import arrow, can_bus, excel, hdf5, lvm, mat, mdf, tdms, uff
 from sysid.logs.input_file import InputFile
+from sysid.logs.sparse_channels import with_own_rows
 from sysid.logs.stamps import settled
 from sysid.wording import finish, nearest, shorten
 
@@ -73,8 +74,9 @@ def read_channels(file: InputFile, label: str, request: LogRequest) -> LogConten
         If the file cannot be read.
     """
     content = format_of(file, request.format).read(file, label, request)
-    clocks = {id(c.clock): c.clock for c in content.channels}
+    read, sparse = with_own_rows(content.channels, label)
+    clocks = {id(c.clock): c.clock for c in read}
     found = {key: settled(clock, label) for key, clock in clocks.items()}
-    channels = tuple(replace(c, clock=found[id(c.clock)][0]) for c in content.channels)
+    channels = tuple(replace(c, clock=found[id(c.clock)][0]) for c in read)
     said = dict.fromkeys(sentence for _, sentences in found.values() for sentence in sentences)
-    return replace(content, channels=channels, messages=(*content.messages, *said))
+    return replace(content, channels=channels, messages=(*content.messages, *sparse, *said))

@@ -20,6 +20,8 @@ _LOST_SHARE = 0.1
 #: Stamps with less jitter than this, of their step, are taken as they are.
 _EXACT = 1e-3
 _DAY_S = 86400.0
+#: Seconds since 1970 of the years 1990 to 2100.
+_EPOCH_S = 6.3e8, 4.1e9
 #: Times the resolution by which stamps may leave the line of a rate that is known.
 _SLIPS = 3.0
 #: Part by which the rate of many stamps may differ from the one that is known.
@@ -49,6 +51,7 @@ def settled(clock: Clock, label: str) -> tuple[Clock, tuple[str, ...]]:
     seen = stamps[known]
     column = f"the column of time '{clock.name[:60]}'"
     for notation, words in (
+        (_since_1970, f"{label}: {column} counts parts of a second since 1970, by its size, and is read so."),
         (_of_day, f"{label}: {column} is a time of day in digits, HHMMSS, and is read so."),
         (_summed, f"{label}: {column} holds the time since the row before; it is added up."),
     ):
@@ -71,6 +74,13 @@ def settled(clock: Clock, label: str) -> tuple[Clock, tuple[str, ...]]:
             f"share the stamp of the row before; by their count the rows are {step:.5g} s apart ({1.0 / step:.5g} Hz)."
         )
     return replace(clock, time_s=result, counted=shared > 0), tuple(said)
+
+
+def _since_1970(stamps: np.ndarray) -> np.ndarray | None:
+    """Seconds of stamps that count ms, us or ns since 1970, None for others: as seconds these lie far ahead."""
+    size = float(np.min(stamps))
+    part = next((p for p in (1e-3, 1e-6, 1e-9) if _EPOCH_S[0] <= size * p <= _EPOCH_S[1]), None)
+    return None if part is None or size <= _EPOCH_S[1] else np.asarray(stamps * part)
 
 
 def _of_day(stamps: np.ndarray) -> np.ndarray | None:

@@ -54,8 +54,10 @@ def rows_above_numbers(rows: Sequence[Sequence[str]], used: Sequence[int], time:
         readings = sum(is_reading(cell) for cell in cells)
         words = sum(cell.strip().casefold() not in MISSING for cell in cells) - readings
         stamped = time is not None and time < len(row) and is_reading(row[time])
+        # A row of numbers between words and a blank row numbers the columns.
+        numbering = count > 0 and count + 1 < len(rows) and not "".join(rows[count + 1]).strip()
         # One word among numbers is a fault in a row of numbers.
-        if stamped or readings > words or (readings and not words):
+        if (stamped or readings > words or (readings and not words)) and not numbering:
             return count
     return 0
 

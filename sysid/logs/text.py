@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from sysid.errors import DataRejectedError
 from sysid.logs.channels import Clock, LogContent, LogFormat, LogRequest, RawChannel
 from sysid.logs.clock_columns import SeveralTimesError, TimeColumn, time_of_channel
@@ -12,6 +14,9 @@ from sysid.logs.table_head import is_reading
 from sysid.logs.text_table import TextTable, open_table
 from sysid.logs.time_columns import find_time, is_time, seconds_in
 from sysid.wording import shorten
+
+#: Part of the rows of its time that a channel fills to its end, and rows below which nothing is said about it.
+_WHOLE, _LEAST_ROWS = 0.98, 16
 
 
 def _read(file: InputFile, label: str, request: LogRequest) -> LogContent:
@@ -53,6 +58,7 @@ def _read(file: InputFile, label: str, request: LogRequest) -> LogContent:
                 f"{label} has several columns of time for '{shorten(name)}', {error}; export the file "
                 "with the column of time of every channel to its left, and leave 'time' out of campaign.toml."
             ) from None
+        _refuse_nameless_time(table, name, place, columns, time)
         channels.append(RawChannel(name, clocks[time.place], columns[place], table.unit(place)))
     return LogContent(tuple(channels), table.names)
 
@@ -63,6 +69,34 @@ def _readable(table: TextTable, times: Sequence[int], wanted: Sequence[int]) -> 
     # Where a channel has none to its left, each may be its time.
     may_be = [p for p in times[1:] if p < last or first < min(times)]
     return [times[0], *(p for p in may_be if is_reading(table.first_cell(p)))]
+
+
+def _refuse_nameless_time(
+    table: TextTable, name: str, place: int, columns: dict[int, np.ndarray], time: TimeColumn
+) -> None:
+    """Refuse a channel that ends early together with a column to its left that counts up: this may be its time."""
+    end = _last(columns[place])
+    if end > _WHOLE * _last(time.stamps) or end < _LEAST_ROWS:
+        return
+    for other in range(place - 1, time.place, -1):
+        if other not in columns and is_reading(table.first_cell(other)):
+            try:
+                counts = table.read([other])[other]
+            except DataRejectedError:
+                continue
+            steps = np.diff(counts[np.isfinite(counts)])
+            if _last(counts) == end and steps.size and np.min(steps) > 0.0 and np.max(steps) < 2.0 * np.min(steps):
+                raise DataRejectedError(
+                    f"{table.label}: '{shorten(name)}' ends in row {end + table.layout.first_row}, before the time "
+                    f"'{shorten(time.name)}' does, and so does the column '{shorten(table.names[other])}', which "
+                    "counts up evenly: name that column a time, such as time2_s, if it is the time of this channel, or "
+                    "leave it out."
+                )
+
+
+def _last(values: np.ndarray) -> int:
+    """Row of the last number, -1 where there is none."""
+    return int(np.flatnonzero(np.isfinite(values)).max(initial=-1))
 
 
 FORMAT = LogFormat("csv", "a text table", (".csv", ".txt", ".tsv", ".asc"), lambda head: False, _read)

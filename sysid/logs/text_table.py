@@ -45,6 +45,7 @@ _SPACED_LINE = 20_000
 #: A number with a decimal mark, one that may as well be a thousand, and how many of the former are looked at.
 _MARKED = re.compile(r"[-+]?[\d.]*[.,]\d+(?:[eE][-+]?\d+)?")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:\.\d{3})+")
+_COMMAS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+\.\d*")
 _MARKED_CELLS = 100
 _BINARY = {b"\x1f\x8b": "a gzip file", b"%PDF": "a PDF"}
 #: What spreadsheets write where they have no number, in English and German.
@@ -174,6 +175,8 @@ class TextTable:
             hint = "use the decimal point in every cell"
         elif decimal == "," and _MARKED.fullmatch(cell):
             hint = "use the decimal comma in every cell, and no points between thousands"
+        elif _COMMAS.fullmatch(cell):
+            hint = "export the log without commas between thousands"
         elif is_coarse_instant(cell):
             hint = "it is a date or a time without seconds: export the time with fractions of a second"
         elif is_instant(cell):

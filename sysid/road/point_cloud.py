@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from sysid import limits
-from sysid.campaign.units import length_in_m
+from sysid.campaign.units import LENGTH_IN_M, length_in_m
 from sysid.errors import DataRejectedError
 from sysid.logs.input_file import FileRefusedError, InputFile, read_file
 from sysid.road.las_file import las_points, las_units
@@ -17,9 +17,7 @@ from sysid.road.ply_file import ply_points, ply_unit
 from sysid.road.text_cloud import read_text_cloud
 
 # Lengths in which scanners write; anything else is converted before it comes here.
-UNIT_IN_M = MappingProxyType(
-    {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "inch": 0.0254, "ft": 0.3048}
-)
+UNIT_IN_M = MappingProxyType({**LENGTH_IN_M, "inch": LENGTH_IN_M["in"]})
 MAX_POINTS = limits.CLOUD_POINTS
 
 

@@ -46,6 +46,8 @@ HEADS = {
     "units in brackets, a blank row (PicoScope)": "Time,q,a\n(ms),(mm),(g)\n\n" + body(factor=1e3),
     "units and two blank rows, quoted (MoTeC)": '"Format","x",,"y"\n"Venue",\n\n"Time","q","a"\n"s","mm","g"\n\n\n'
     + body(quote='"'),
+    "units and numbers of the channels (AiM)": '"Format","x"\n\n"Time","q","a"\n"s","mm","g"\n"1","2","3"\n\n'
+    + body(quote='"'),
     "units and processing (Campbell)": '"TOA5","CR6","4711"\n"TIMESTAMP","RECORD","q","a"\n"TS","RN","mm","g"\n'
     '"","","Smp","Avg"\n' + STAMPED,
     "words, then units": "time,q,a\nStart,vorne links,Achse\n[ms],[mm],[g]\n" + body(factor=1e3),
@@ -91,6 +93,7 @@ def test_the_names_of_a_file_with_units_are_listed() -> None:
         ("broken", "correct or empty the cell"),
         ("2024-05-06", "it is a date or a time without seconds"),
         ("10:05:00.5", "it is a time"),
+        ('"-1,234.5"', "without commas between thousands"),
     ],
 )
 def test_a_first_row_that_is_no_number_gets_the_hint_of_its_cause(cell: str, said: str) -> None:
@@ -98,7 +101,7 @@ def test_a_first_row_that_is_no_number_gets_the_hint_of_its_cause(cell: str, sai
     text = "time_s,q,a\n" + body().replace("-10.000", cell, 1)
     with pytest.raises(DataRejectedError) as error:
         read(text)
-    assert f"row 2, column 'q' has '{cell}'" in str(error.value)
+    assert f"row 2, column 'q' has '{cell.strip(chr(34))}'" in str(error.value)
     assert said in str(error.value)
     assert "units_row" not in str(error.value)
 

@@ -96,6 +96,14 @@ def test_the_same_time_in_two_notations_is_one_clock() -> None:
     np.testing.assert_allclose(read("\n".join(["time_s;q;timestamp;a", *lines])).channels[1].time_s[-1], 0.995)
 
 
+def test_a_time_of_another_name_is_noticed_by_its_end() -> None:
+    with pytest.raises(DataRejectedError, match=r"'q' ends in row 201, before the time 'time_s' does, .*'Takt', which"):
+        read(side_by_side("time_s;a;Takt;q"))
+    # A reading that is lost, with a counter beside it that runs on.
+    rows = "".join(f"{0.005 * i:.3f};{i};{i};{i if i < 200 else ''}\n" for i in range(400))
+    assert np.isnan(read("time_s;a;Takt;q\n" + rows).channels[0].value).sum() == 200
+
+
 def test_rows_without_a_stamp_at_the_end_are_blank_only_if_they_hold_nothing() -> None:
     rows = "".join(f"{0.005 * i:.3f};{i};{i}\n" for i in range(100))
     log = read("time_s;q;a\n" + rows + ";;\n" * 80)
@@ -163,6 +171,39 @@ def test_every_format_with_columns_in_order_reads_them_alike(name: str, written)
     if name != "log.tdms":  # where only one time has the length of the channel
         with pytest.raises(DataRejectedError, match=r"several columns of time for .*'time_s' \(.*'time2_s' \("):
             read_log(data, name, (Q, A), 0.005, LogWriting(time="time_s"))
+
+
+# ---------------------------------------------------------------------- one time, channels of several rates
+
+
+@pytest.mark.parametrize("every", [2, 10])
+def test_a_slow_channel_stands_in_some_rows_of_a_table(every: int) -> None:
+    rows = "".join(f"{0.0025 * i:.4f};{i};{i if i % every == 1 else ''}\n" for i in range(2000))
+    q, a = read("time_s;a;q\n" + rows, step=0.0025).channels
+    np.testing.assert_allclose(q.time_s, 0.0025 * np.arange(1, 2000, every), atol=1e-9)
+    np.testing.assert_allclose(q.value, 1e-3 * np.arange(1.0, 2000.0, every))
+    assert a.value.size == 2000
+
+
+def test_channels_merged_by_their_stamps() -> None:
+    """Two channels of 200 and 60 Hz, each row with the stamp of one of them."""
+    stamps = sorted(
+        [(0.005 * i, f"{i}", "") for i in range(1000)] + [(0.0011 + i / 60, "", f"{i}") for i in range(290)]
+    )
+    q, a = read("time_s;a;q\n" + "".join(f"{t:.6f};{x};{y}\n" for t, x, y in stamps)).channels
+    np.testing.assert_allclose(q.time_s, 0.0011 + np.arange(290) / 60, atol=2e-6)
+    assert np.isfinite(q.value).all()
+    seen = np.isfinite(a.value)
+    np.testing.assert_allclose(a.time_s[seen], 0.005 * np.arange(1000), atol=1e-6)
+
+
+def test_a_reading_that_is_lost_stays_missing() -> None:
+    """Negative control: holes and a loose contact are no slower rate."""
+    lost = np.random.default_rng(3).random(1000) < 0.3
+    lost[400:700] = True
+    rows = "".join(f"{0.005 * i:.3f};{i};{'' if gone else i}\n" for i, gone in enumerate(lost))
+    q, _ = read("time_s;a;q\n" + rows).channels
+    np.testing.assert_array_equal(np.isnan(q.value), lost)
 
 
 # ---------------------------------------------------------------------- too few digits
@@ -290,6 +331,15 @@ def test_midnight_in_every_order_of_the_fields_of_a_date(before: str, after: str
 
     log = read("time;q;a\n" + "".join(f"{stamp(i)};1;1\n" for i in range(400)))
     np.testing.assert_allclose(log.channels[0].time_s, 0.005 * np.arange(400), atol=1e-6)
+
+
+@pytest.mark.parametrize("part", [1, 10**3, 10**6, 10**9])
+def test_seconds_since_1970_and_their_parts(part: int) -> None:
+    start = 1_714_989_958
+    stamps = [f"{start + 0.005 * i:.3f}" if part == 1 else start * part + i * part // 200 for i in range(300)]
+    log = read("time;q;a\n" + "".join(f"{stamp};1;1\n" for stamp in stamps))
+    np.testing.assert_allclose(log.channels[0].time_s, 0.005 * np.arange(300), atol=1e-6)
+    assert log.start_time_s == pytest.approx(start)
 
 
 def test_differences_to_the_row_before_are_added_up() -> None:
