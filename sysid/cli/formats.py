@@ -13,6 +13,7 @@ from sysid.cli.invocation import tell
 from sysid.cli.tables import render
 from sysid.display import TextTable
 from sysid.errors import DataRejectedError, SysidError
+from sysid.first_look.log_columns import read_everything
 from sysid.logs.by_library import installed
 from sysid.logs.channels import LogContent, LogFormat, LogRequest
 from sysid.logs.registry import FORMATS, format_of, read_channels
@@ -60,12 +61,11 @@ def _show_file(screen: Console, path: Path) -> None:
     label = shorten(path.name, 100)
     file = file_content(path, label)
     known = format_of(file)
+    refused = ""
     try:
-        content = read_channels(file, label, LogRequest((), everything=True))
-        refused = ""
+        content, _ = read_everything(file, label)
     except DataRejectedError as error:
-        content = read_channels(file, label, LogRequest(()))
-        refused = str(error)
+        content, refused = read_channels(file, label, LogRequest(())), str(error)
     names = content.names
     listed = ", ".join(f"'{shorten(n)}'" for n in names[:_NAMES]) + (", ..." if len(names) > _NAMES else "")
     screen.print(f"{label} is {known.title} with the channels {listed}.", markup=False)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from sysid.campaign.records import AUXILIARY_KINDS
 from sysid.campaign.toml.text import banner, commented, quoted, section, todo, toml_key, value_text
 from sysid.campaign.toml.todo import CONFIRM
 from sysid.first_look.entries import AXLE_BY_NAME
@@ -105,8 +106,6 @@ def _writing_of_all(look: FirstLook) -> dict[str, Any]:
     result: dict[str, Any] = {}
     if len({log.time for log in logs}) == 1 and logs[0].time is not None:
         result["time"] = logs[0].time
-    if logs and all(log.units_row for log in logs):
-        result["units_row"] = True
     return result
 
 
@@ -116,7 +115,13 @@ def _sensors(look: FirstLook, kind: str, sensors: Sequence[SensorGuess]) -> str:
     said = "# Column = what it measures.  Add range = full scale (+-) where it is known; sign = -1 turns a sensor.\n"
     idle = [s for s in sensors if s.unused is not None]
     shown = [s for s in sensors if s.unused is None] + idle[:_UNUSED]
-    lines = [(f"{toml_key(s.column)} = {value_text(_sensor(look, s, kind))}", _reason_of(s)) for s in shown]
+    lines = [
+        (
+            f"{toml_key(s.column)} = {value_text(_sensor(look, s, kind))}",
+            _reason_of(s, kind == "plank_drop" and s in look.run_sensors),
+        )
+        for s in shown
+    ]
     # A comment may hold no control characters, which names of columns may.
     more = [f"# {len(idle) - _UNUSED} more columns of no use"] if len(idle) > _UNUSED else []
     text = look.text_columns[:_TEXT] if kind == "bump_run" else ()
@@ -124,8 +129,13 @@ def _sensors(look: FirstLook, kind: str, sensors: Sequence[SensorGuess]) -> str:
     return said + section(f"sensors.{kind}", [*commented(lines), *more])
 
 
-def _reason_of(sensor: SensorGuess) -> str:
-    return "" if sensor.sure and sensor.unused is not None else _reason(sensor.sure, sensor.why)
+def _reason_of(sensor: SensorGuess, said_above: bool) -> str:
+    """Why a sensor is what it is; what is to be confirmed of a column of runs and drops stands at the runs."""
+    if sensor.sure and sensor.unused is not None:
+        return ""
+    if said_above:
+        return "as in the runs"
+    return "; ".join(sensor.why) if sensor.sure and sensor.kind in AUXILIARY_KINDS else _reason(sensor.sure, sensor.why)
 
 
 def _reason(sure: bool, why: Sequence[str]) -> str:
@@ -227,9 +237,8 @@ def _tests(look: FirstLook, prefix: str) -> str:
 
 def _writing(look: FirstLook, file: str) -> dict[str, Any]:
     """How one log is written, where not all are written so."""
-    log, of_all = _used_logs(look)[file], _writing_of_all(look)
-    of_log: dict[str, Any] = {"time": log.time} if log.time is not None else {}
-    return {k: v for k, v in (of_log | ({"units_row": True} if log.units_row else {})).items() if k not in of_all}
+    time = _used_logs(look)[file].time
+    return {} if time is None or "time" in _writing_of_all(look) else {"time": time}
 
 
 def _drop(look: FirstLook, entry: EntryGuess, prefix: str) -> dict[str, Any]:

@@ -6,25 +6,65 @@ from dataclasses import dataclass
 
 from sysid.errors import DataRejectedError
 from sysid.first_look.folder import FolderFile
-from sysid.first_look.text_heads import TIME_WORDS
-from sysid.logs.channels import LogRequest, RawChannel
-from sysid.logs.registry import read_channels
+from sysid.first_look.text_heads import TIME_WORDS, text_head
+from sysid.logs.channels import LogContent, LogRequest, RawChannel
+from sysid.logs.input_file import InputFile
+from sysid.logs.registry import format_of, read_channels
 from sysid.wording import shorten
 
 
 @dataclass(frozen=True)
 class LogColumns:
-    """What a log holds: `channels` by name, and how it is written where that has to be said in a campaign file.
+    """What a log holds: `channels` by name.
 
-    `time` is the name of the column of time where it is no usual one; `text` are columns that hold no numbers.
+    `time` is its column of time where a campaign file has to say it;
+    `text` are columns that hold no numbers, `messages` what is to be said about reading it.
     """
 
     file: str
     title: str
     channels: tuple[RawChannel, ...]
     time: str | None = None
-    units_row: bool = False
     text: tuple[str, ...] = ()
+    messages: tuple[str, ...] = ()
+
+
+def read_everything(file: InputFile, label: str) -> tuple[LogContent, str | None]:
+    """All channels of numbers of a log, and the name of its column of time where a campaign file has to say it.
+
+    Raises
+    ------
+    CampaignError
+        If the package that reads its format is not installed.
+    DataRejectedError
+        If it cannot be read, or has no column of time.
+    """
+    try:
+        return read_channels(file, label, LogRequest((), everything=True)), None
+    except DataRejectedError:
+        time = _time_of(file, label)
+        if time is None:
+            raise
+    return read_channels(file, label, LogRequest((), time=time, everything=True)), time
+
+
+def _time_of(file: InputFile, label: str) -> str | None:
+    """The column that is the time by a word in its name, or in a text by its even steps; None where no file says one.
+
+    Raises
+    ------
+    DataRejectedError
+        If a text has no such column.
+    """
+    known = format_of(file)
+    if known.name == "csv":
+        head = text_head(file.data)
+        if head is not None and head.time is None:
+            shown = ", ".join(f"'{shorten(n, 30)}'" for n in head.names[:4])
+            raise DataRejectedError(f"{label} has no column of time (found {shown}); it is no log.")
+        return head.time if head is not None else None
+    names = known.read(file, label, LogRequest(())).names
+    return next((n for n in names if TIME_WORDS.match(n.casefold())), None)
 
 
 def read_columns_of(file: FolderFile) -> LogColumns:
@@ -35,37 +75,12 @@ def read_columns_of(file: FolderFile) -> LogColumns:
     CampaignError
         If the package that reads its format is not installed.
     DataRejectedError
-        If it cannot be read, or has no column of time.
+        If it cannot be read, has no column of time, or no numbers beside it.
     """
-    return _text(file) if file.head is not None else _other_format(file)
-
-
-def _text(file: FolderFile) -> LogColumns:
-    label, head = shorten(file.name, 100), file.head
-    assert head is not None
-    if head.time is None:
-        shown = ", ".join(f"'{shorten(n, 30)}'" for n in head.names[:4])
-        raise DataRejectedError(f"{label} has no column of time (found {shown}); it is no log.")
-    wanted = tuple(dict.fromkeys(n for n in head.numbers if n != head.time))
-    if not wanted:
-        raise DataRejectedError(f"{label} has no column of numbers beside '{shorten(head.time)}'; it is left out.")
-    request = LogRequest(wanted, head.guessed_time, head.units_row)
-    content = read_channels(file.content, label, request)
-    text = tuple(n for n in head.names if n not in head.numbers and n != head.time)
-    return LogColumns(file.name, file.title, content.channels, head.guessed_time, head.units_row, text)
-
-
-def _other_format(file: FolderFile) -> LogColumns:
     label = shorten(file.name, 100)
-    try:
-        content = read_channels(file.content, label, LogRequest((), everything=True))
-        time = None
-    except DataRejectedError:
-        names = read_channels(file.content, label, LogRequest(())).names
-        time = next((n for n in names if TIME_WORDS.match(n.casefold())), None)
-        if time is None:
-            raise
-        content = read_channels(file.content, label, LogRequest((), time=time, everything=True))
+    content, time = read_everything(file.content, label)
     if not content.channels:
-        raise DataRejectedError(f"{label} has no channels of numbers; it is left out.")
-    return LogColumns(file.name, file.title, content.channels, time)
+        raise DataRejectedError(f"{label} has no channels of numbers beside its time; it is left out.")
+    read = {c.name for c in content.channels} | {c.clock.name for c in content.channels}
+    text = tuple(n for n in content.names if n not in read) if file.head is not None else ()
+    return LogColumns(file.name, file.title, content.channels, time, text, (*content.messages, *content.left_out))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -93,6 +94,7 @@ def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, T
     names, messages = names_in(folder)
     said = paths_say(names)
     of_columns: dict[frozenset[str], dict[str, NameSays]] = {}
+    told: list[tuple[str, str]] = []
     for i, name in enumerate(names):
         progress("reading files", i / len(names))
         try:
@@ -109,6 +111,7 @@ def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, T
         except SysidError as error:
             messages.append(str(error))
             continue
+        told += [(name, sentence) for sentence in columns.messages]
         log = _seen(columns, said[name])
         logs.append(log)
         layout = frozenset(log.columns)
@@ -126,14 +129,24 @@ def _files(folder: Path, progress: Progress) -> tuple[list[SeenLog], dict[str, T
             more = f" ({len(messages)} files cannot be read; the last one: {messages[-1]})"
             raise DataRejectedError(f"{label} holds no log that can be read{more}")
         raise CampaignError(f"{label} holds no logs; give the folder into which the logger wrote.")
-    return logs, fits, scans, messages
+    return logs, fits, scans, [*messages, *_once(told)]
+
+
+def _once(told: Sequence[tuple[str, str]]) -> list[str]:
+    """Sentences about files, each once for all files of which it is said with other numbers."""
+    files: dict[str, list[str]] = {}
+    for name, sentence in told:
+        alike = re.sub(r"\d+(?:\.\d+)?(?:e[-+]\d+)?", "#", sentence.removeprefix(shorten(name, 100)))
+        files.setdefault(alike, []).append(sentence)
+    more = {1: "", 2: " The same holds for one more file."}
+    return [of[0] + more.get(len(of), f" The same holds for {len(of) - 1} more files.") for of in files.values()]
 
 
 def _seen(columns: LogColumns, said: PathSays) -> SeenLog:
     of_columns = looks(columns.channels)
     starts = [float(t[0]) for c in columns.channels if (t := c.clock.time_s[np.isfinite(c.clock.time_s)]).size]
     start = min(starts, default=0.0)
-    return SeenLog(columns.file, columns.title, of_columns, columns.time, columns.units_row, columns.text, said, start)
+    return SeenLog(columns.file, columns.title, of_columns, columns.time, columns.text, said, start)
 
 
 def _first_look(

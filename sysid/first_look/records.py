@@ -17,7 +17,7 @@ from sysid.first_look.words import Side
 class SeenLog:
     """One log: its columns with their behaviour, how it is written, and what its path says.
 
-    `time` and `units_row` as :class:`sysid.first_look.log_columns.LogColumns`; `text` are columns without numbers;
+    `time` as in :class:`sysid.first_look.log_columns.LogColumns`; `text` are columns without numbers;
     `start_s` is the first stamp.
     """
 
@@ -25,7 +25,6 @@ class SeenLog:
     title: str
     looks: tuple[Look, ...]
     time: str | None
-    units_row: bool
     text: tuple[str, ...]
     said: PathSays
     start_s: float = 0.0

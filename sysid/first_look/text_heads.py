@@ -1,4 +1,4 @@
-"""The first lines of a text: where its table begins, how its columns are named, and which of them hold numbers."""
+"""The first lines of a text: where its table begins, how its columns are named, and which may be its time."""
 
 from __future__ import annotations
 
@@ -32,16 +32,13 @@ _STATION, _HEIGHT = "station_m", "height_m"
 
 @dataclass(frozen=True)
 class TextHead:
-    """Columns of a text table: all `names`, those that hold `numbers`, the name of time, and a row of units.
+    """Columns of a text table: their `names`, the `time` among them by name or by even steps, and how many there are.
 
-    `guessed_time` is the name of the column of time where it is no usual one.  Without names it may be a cloud.
+    Without names it may be a cloud.
     """
 
     names: tuple[str, ...]
-    numbers: tuple[str, ...]
     time: str | None
-    guessed_time: str | None
-    units_row: bool
     width: int
 
     @property
@@ -77,20 +74,13 @@ def _with_delimiter(lines: list[str], delimiter: str) -> TextHead | None:
     body = [cells for _, cells in rows[first : first + _ROWS]]
     width = max(len(cells) for cells in body)
     above = [cells for _, cells in rows[max(0, first - 2) : first]]
-    names, units_row = _names(above, width)
-    columns = tuple(names)
-    numbers = tuple(
-        n for i, n in enumerate(columns) if n and all(_is_number(c[i]) for c in body if i < len(c)) and i < width
-    )
-    time = find_time(columns, None)
-    guessed = None
-    if time is None and columns:
-        guessed = next((n for n in columns if TIME_WORDS.match(n.casefold())), None) or _rising(columns, body)
-    return TextHead(columns, numbers, time or guessed, guessed, units_row, width)
+    columns = tuple(_names(above, width))
+    time = find_time(columns, None) or next((n for n in columns if TIME_WORDS.match(n.casefold())), None)
+    return TextHead(columns, time or (_rising(columns, body) if columns else None), width)
 
 
-def _names(above: list[list[str]], width: int) -> tuple[list[str], bool]:
-    """Names of the columns above the first row, and whether a row of units stands between."""
+def _names(above: list[list[str]], width: int) -> list[str]:
+    """Names of the columns above the first row; a row of units may stand between."""
 
     def fits(cells: list[str]) -> bool:
         return width - 1 <= len(cells) <= width + 1 and sum(not _is_number(c) for c in cells) > 0.5 * len(cells)
@@ -100,10 +90,8 @@ def _names(above: list[list[str]], width: int) -> tuple[list[str], bool]:
         known = sum(_is_unit(c) for c in cells)
         # Short cells among units are units that nobody lists, such as "%".
         if known > 0 and all(len(c) <= _LONGEST_UNIT or _is_unit(c) for c in cells) and 2 * known >= len(cells):
-            return above[0], True
-    if above and fits(above[-1]):
-        return above[-1], False
-    return [], False
+            return above[0]
+    return above[-1] if above and fits(above[-1]) else []
 
 
 def _is_unit(cell: str) -> bool:

@@ -12,6 +12,7 @@ from log_files import csv, mdf4
 
 from sysid.cli import formats as command
 from sysid.cli.main import cli
+from sysid.first_look import first_look
 from sysid.logs.registry import FORMATS
 from sysid.workflow.versions import versions
 
@@ -85,3 +86,24 @@ def test_a_stop_and_a_defect_are_said(raised, code: int, said: str, tmp_path: Pa
     found = run(str(tmp_path / "a.csv"))
     assert found.exit_code == code
     assert said in found.output
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "Zeit [s];Weg VA;Druck\ns;mm;bar\n",  # a row of units
+        "TIMESTAMP;Weg VA;Druck\nTS;mm;bar\nSmp;Smp;Avg\n",  # units and processing
+        "Laufzeit;Weg VA;Druck\n",  # no name of time that is known: the even steps say it
+    ],
+)
+def test_a_file_is_read_as_by_init(head: str, tmp_path: Path) -> None:
+    rows = "".join(f"{0.01 * i:.2f};{i % 7};{3 + i % 2}\n".replace(".", ",") for i in range(200))
+    (tmp_path / "Lauf_8kmh.csv").write_text(head + rows, encoding="utf-8")
+    found = run(str(tmp_path / "Lauf_8kmh.csv"))
+    assert found.exit_code == 0, found.output
+    (log,) = first_look(tmp_path).logs
+    assert log.rate_hz == pytest.approx(100.0)
+    for look in log.looks:
+        shown = next(line for line in found.output.splitlines() if line.startswith(look.name))
+        assert (look.unit or "") in shown
+        assert " 100 " in shown

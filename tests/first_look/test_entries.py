@@ -22,7 +22,7 @@ def log(columns: Sequence[tuple[str, float, float, float]], file: str = "rec_1.c
         for i, (_, size, at, lift) in enumerate(columns)
     )
     kinds = {f"c{i}": KindGuess(f"c{i}", c[0], "g", 1, True, ()) for i, c in enumerate(columns)}
-    return SeenLog(file, "a text table", looks, None, False, (), path_says(file)), kinds
+    return SeenLog(file, "a text table", looks, None, (), path_says(file)), kinds
 
 
 @pytest.mark.parametrize(
