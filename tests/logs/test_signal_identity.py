@@ -85,6 +85,13 @@ def test_stamps_that_differ_in_the_middle_are_two_clocks() -> None:
     np.testing.assert_array_equal(a.clock.time_s, other)
 
 
+def test_clocks_that_share_no_moment_are_refused() -> None:
+    data = mdf((FIRST_S, {"q_mm": pulse(FIRST_S)}, "A"), (36_000.0 + FIRST_S, {"a_g": pulse(FIRST_S)}, "B"))
+    with pytest.raises(DataRejectedError, match=r"'time of A' ends at 1.895 s, that in 'time of B' begins at 36000 s"):
+        read("log.mf4", data)
+    assert len(read("log.mf4", data, [Q]).channels) == 1
+
+
 def column(name: str, values, group: str = "", unit: str | None = None, **more) -> FileChannel:
     return FileChannel(name, len(values), lambda: (np.asarray(values), unit), group, **more)
 

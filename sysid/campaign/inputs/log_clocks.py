@@ -49,8 +49,8 @@ def clean_clocks(
     Raises
     ------
     DataRejectedError
-        If the time of a clock does not advance or jumps, or the steps of all clocks are far from the declared one, as
-        those of another unit are.
+        If the time of a clock does not advance or jumps, the steps of all clocks are far from the declared one, as
+        those of another unit are, or two clocks of sensors share no moment.
     """
     found = {k: _clean_stamps(c, label, declared_s, messages) for k, c in clocks.items()}
     steps = {key: float(np.median(np.diff(stamps))) for key, (stamps, _) in found.items()}
@@ -75,7 +75,20 @@ def clean_clocks(
                 "s; the stamps are used."
             )
         result[key] = CleanClock(stamps, rows, step)
+    _check_together({key: found[key][0] for key in judged}, clocks, label)
     return result
+
+
+def _check_together(stamps: Mapping[int, np.ndarray], clocks: Mapping[int, Clock], label: str) -> None:
+    """Refuse clocks that share no moment, as a date in one group and seconds since the start in another."""
+    first = min(stamps, key=lambda key: stamps[key][-1])
+    last = max(stamps, key=lambda key: stamps[key][0])
+    if stamps[last][0] > stamps[first][-1]:
+        raise DataRejectedError(
+            f"{label}: the time in '{clocks[first].name}' ends at {stamps[first][-1]:.10g} s, that in "
+            f"'{clocks[last].name}' begins at {stamps[last][0]:.10g} s: their channels were not recorded together, or "
+            "count from different moments; write both with one time, or leave out the sensors of one."
+        )
 
 
 def _clean_stamps(clock: Clock, label: str, declared_s: float, messages: list[str]) -> tuple[np.ndarray, np.ndarray]:

@@ -69,9 +69,8 @@ def _time(file: Any, number: int, label: str) -> np.ndarray:
     RefusedError
         If there is no master, for which the library would count rows, or it is not time.
     """
-    owner = number
-    while getattr(file.groups[owner].channel_group, "flags", 0) & _REMOTE_MASTER:
-        owner = file.groups[owner].channel_group.cg_master_index
+    own = file.groups[number].channel_group
+    owner = own.cg_master_index if getattr(own, "flags", 0) & _REMOTE_MASTER else number
     place = file.masters_db.get(owner)
     if place is None:
         raise RefusedError(f"has no channel of time in the group '{label[:60]}'; export it again with its time")
