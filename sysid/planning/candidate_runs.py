@@ -60,7 +60,7 @@ class RunInformation:
         chosen = [k for k, s in enumerate(self.sensors) if s in sensors]
         whole = with_own_priors(self.channels[chosen].sum(axis=0), self.motion_prior_precision)
         own = slice(-len(self.motion_prior_precision), None)
-        return NormalEquations(whole, np.zeros(len(whole)), np.ones(len(whole))).eliminate(own).left.matrix
+        return NormalEquations.of(whole).eliminate(own).left.matrix
 
 
 def recording_sensors(state: FitState) -> tuple[Sensor, ...]:

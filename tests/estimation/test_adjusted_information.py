@@ -76,7 +76,7 @@ def test_the_likelihood_has_its_maximum_where_the_data_have_theirs(fit, found):
     data, count = found.data, fit.truth.size
     rows, targets = fit.parameters.prior_rows()
     pull = rows.T @ (rows @ fit.state.point.log_parameters - targets)
-    left = NormalEquations.with_priors(data.matrix, sd=data.sd).eliminate(slice(count, None)).left.matrix
+    left = NormalEquations.of(data.matrix, sd=data.sd).eliminate(slice(count, None)).left.matrix
     assert np.allclose(found.inflation, data.factor)  # no direction of its own
     expected = np.linalg.solve(data.flattening, np.linalg.solve(data.factor * left, pull))
     np.testing.assert_allclose(np.linalg.solve(found.information, found.slope), expected, rtol=1e-6)

@@ -18,6 +18,7 @@ from sysid.estimation.fit.law_evidence import Evidence, Judged, LawEvidence
 from sysid.estimation.fit.law_screen import candidates, promising
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.search_plan import base, before_joint, first_sight, rough_trial, trial
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters, declared_laws
 from sysid.estimation.parameters.law_families import richest_laws, without_knees
@@ -76,9 +77,9 @@ def test_poor_laws_are_compared_under_the_maps_of_the_rich_ones(monkeypatch, con
     final = stub(49.0, 5)
     promises = [(frozenset({"friction"}),), ()]
 
-    def fitted(laws, near, *, how="final"):
-        asked.append((laws, near, how))
-        return {"rough trial": under_rich_maps, "rough": rough, "base": rich, "final": final}[how]
+    def fitted(laws, near, plan=before_joint):
+        asked.append((laws, near, plan))
+        return {rough_trial: under_rich_maps, first_sight: rough, base: rich, before_joint: final}[plan]
 
     monkeypatch.setattr(law_comparison, "_trial", lambda laws, optimum, gain: gain)
     monkeypatch.setattr(law_comparison, "_sure", lambda *rest: True)
@@ -89,11 +90,11 @@ def test_poor_laws_are_compared_under_the_maps_of_the_rich_ones(monkeypatch, con
     axle = SimpleNamespace(suspension_law=None, suspension="leaf")
     data = SimpleNamespace(vehicle=SimpleNamespace(axles=(axle,), suspension_axle=(0,)))
     best, comparison = law_comparison.compare_laws(data, poor_laws, rich_laws, poor, fitted)
-    again = [] if converged else [(rich_laws, rich, "final")]
+    again = [] if converged else [(rich_laws, rich, before_joint)]
     assert asked == [
-        (rich_laws, poor, "rough"),
-        (rich_laws, rough, "base"),
-        (poor_laws, rich, "rough trial"),
+        (rich_laws, poor, first_sight),
+        (rich_laws, rough, base),
+        (poor_laws, rich, rough_trial),
         *again,
     ]
     assert comparison.trials[0].cost == 60.0
@@ -205,7 +206,7 @@ def test_inertias_that_are_ten_per_cent_off_promise_no_law(tmp_path, monkeypatch
     campaign, drops, profiles = read(tmp_path, SMALL, inertia=1.1)
     declared = declared_laws(campaign)
     parameters = campaign_parameters(campaign, drops, declared)
-    optimum = optimise(campaign, parameters, profiles, OPTIONS, unwatched, rough=True)
+    optimum = optimise(campaign, parameters, profiles, OPTIONS, unwatched, plan=first_sight)
     rich = richest_laws(campaign.vehicle.axles, declared)
     assert promising(campaign, declared, rich, optimum) == ()
     # Negative control: were the declared masses exact, the same readings would ask for elements.
@@ -217,7 +218,7 @@ def test_laws_are_judged_as_at_the_optimum_where_a_search_ended_early(tmp_path):
     """Stiffnesses 0.3 % off their optimum: masses may not be credited with what they leave over."""
     campaign, drops, profiles = read(tmp_path, SMALL)
     parameters = campaign_parameters(campaign, drops, declared_laws(campaign))
-    there = optimise(campaign, parameters, profiles, OPTIONS, unwatched, rough=True)
+    there = optimise(campaign, parameters, profiles, OPTIONS, unwatched, plan=first_sight)
     shift = np.zeros_like(there.vector)
     shift[[i for i, p in enumerate(parameters.parameters) if p.quantity == "stiffness"]] = 3e-3
     vector = there.vector + shift
@@ -241,15 +242,15 @@ def test_laws_are_compared_where_they_may_explain_something(misfit, share, how, 
     monkeypatch.setattr(law_choice, "compare_laws", lambda *rest: ("compared", None))
     monkeypatch.setattr(law_choice, "declared_laws", lambda campaign: poor)
     monkeypatch.setattr(law_choice, "richest_laws", lambda axles, declared: rich)
-    monkeypatch.setattr(law_choice._Choice, "fitted", lambda self, laws, near, *, how: "linear")
+    monkeypatch.setattr(law_choice._Choice, "fitted", lambda self, laws, near: "linear")
     campaign = SimpleNamespace(vehicle=SimpleNamespace(axles=()))
     choice = law_choice._Choice(campaign, None, {}, replace(OPTIONS, laws=how), unwatched)
     linear = SimpleNamespace(misfit=misfit, minimum=SimpleNamespace(cost=500.0))
     assert choice.chosen(linear)[0] == ("compared" if compared else "linear")
 
 
-@pytest.mark.parametrize(("how", "near"), [("base", ["poor", "scanned"]), ("rough", ["poor"]), ("trial", ["poor"])])
-def test_optima_that_trials_are_compared_with_have_their_stops_and_weights(how, near, monkeypatch):
+@pytest.mark.parametrize(("plan", "near"), [(base, ["poor", "scanned"]), (first_sight, ["poor"]), (trial, ["poor"])])
+def test_optima_that_trials_are_compared_with_have_their_stops_and_weights(plan, near, monkeypatch):
     """After a scan has found a stop, the search goes on from there, so that its residuals are weighed again."""
     asked = []
 
@@ -266,7 +267,7 @@ def test_optima_that_trials_are_compared_with_have_their_stops_and_weights(how, 
         for name in ("poor", "scanned")
     }
     scanned = by_name["scanned"]
-    found = law_choice._Choice(None, None, {}, OPTIONS, unwatched).fitted((), by_name["poor"], how=how)
+    found = law_choice._Choice(None, None, {}, OPTIONS, unwatched).fitted((), by_name["poor"], plan)
     assert asked == [by_name[name] for name in near]
     assert found.number == len(near)
 

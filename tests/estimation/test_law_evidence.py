@@ -53,7 +53,7 @@ def data_of(linear):
 
 
 def judged(cost: float, information: np.ndarray, score: np.ndarray, prior: np.ndarray, sd: np.ndarray) -> Evidence:
-    equations = NormalEquations.with_priors(information, score, prior=prior, sd=sd)
+    equations = NormalEquations.of(information, score, prior=prior, sd=sd)
     return evidence(cost, equations, len(prior))
 
 
@@ -61,7 +61,7 @@ def candidates_of(information: np.ndarray, score: np.ndarray, prior: np.ndarray,
     """Equations of the candidates, which come last, with a prior of standard deviation 1."""
     known = len(prior) + sd.size
     every = np.concatenate([sd, np.ones(score.size - known)])
-    return NormalEquations.with_priors(information, score, prior=prior, sd=every).eliminate(slice(known))
+    return NormalEquations.of(information, score, prior=prior, sd=every).eliminate(slice(known))
 
 
 def test_cost_and_covariance_are_those_of_the_joint_problem(linear):

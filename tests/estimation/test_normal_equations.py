@@ -30,7 +30,7 @@ def stacked(sd: np.ndarray = SD) -> tuple[np.ndarray, np.ndarray]:
 def equations() -> NormalEquations:
     whole, residual = stacked()
     rows, of_data = whole[:40], residual[:40]
-    return NormalEquations.with_priors(rows.T @ rows, rows.T @ of_data, sd=SD, prior=PRIOR, pull=PULL, amounts=AMOUNTS)
+    return NormalEquations.of(rows.T @ rows, rows.T @ of_data, sd=SD, prior=PRIOR, pull=PULL, amounts=AMOUNTS)
 
 
 def solution(whole: np.ndarray, residual: np.ndarray) -> np.ndarray:
@@ -70,7 +70,7 @@ def test_a_slope_beside_a_free_level_is_known_from_the_scatter_of_the_places():
     """sum (t - mean t)^2 and sum (t - mean t) y, the closed form of a regression line."""
     t, y = np.array([0.0, 1.0, 3.0, 7.0]), np.array([2.0, -1.0, 4.0, 5.0])
     rows = np.stack([np.ones(4), t], axis=1)
-    line = NormalEquations.with_priors(rows.T @ rows, -rows.T @ y, sd=np.full(2, np.inf))
+    line = NormalEquations.of(rows.T @ rows, -rows.T @ y, sd=np.full(2, np.inf))
     left, response = line.eliminate([0])
     away = t - t.mean()
     assert left.matrix[0, 0] == pytest.approx(away @ away)
@@ -105,9 +105,7 @@ def test_a_prior_of_no_width_holds_an_unknown(equations):
     data = slice(40)
     rows = whole[data]
     sd = np.where(np.arange(3) == 1, 0.0, SD)
-    found = NormalEquations.with_priors(
-        rows.T @ rows, rows.T @ residual[data], sd=sd, prior=PRIOR, pull=PULL, amounts=AMOUNTS
-    )
+    found = NormalEquations.of(rows.T @ rows, rows.T @ residual[data], sd=sd, prior=PRIOR, pull=PULL, amounts=AMOUNTS)
     used = np.delete(np.arange(len(residual)), 40 + PARAMETERS + 1)
     best = solution(whole[np.ix_(used, held)], residual[used])
     np.testing.assert_allclose(found.step()[held], best, rtol=1e-10)
@@ -142,7 +140,7 @@ def test_amplitudes_along_directions_are_unknowns_of_their_own(equations):
 
 
 def test_no_unknowns_at_all_do_no_harm():
-    none = NormalEquations.with_priors(np.eye(2), np.ones(2), sd=np.zeros(0), prior=np.eye(2))
+    none = NormalEquations.of(np.eye(2), np.ones(2), sd=np.zeros(0), prior=np.eye(2))
     left, response = none.eliminate(slice(2, None))
     assert response.shape == (0, 2)
     np.testing.assert_allclose(left.step(), [-0.5, -0.5])

@@ -106,7 +106,7 @@ def test_masses_integrated_out_leave_the_marginal_of_a_joint_gaussian():
     jacobian, _, _, sd = linear_problem(3)
     information = jacobian.T @ jacobian
     joint = information + np.diag(np.concatenate([np.zeros(3), sd**-2.0]))
-    equations, masses = NormalEquations.with_priors(information, sd=sd), slice(3, None)
+    equations, masses = NormalEquations.of(information, sd=sd), slice(3, None)
     left, follow = equations.eliminate(masses)
     factor = equations.only(masses).covariance_factor
     np.testing.assert_allclose(left.covariance, np.linalg.inv(joint)[:3, :3], rtol=1e-9)
@@ -389,16 +389,14 @@ def test_a_step_after_which_residuals_are_larger_is_shortened(monkeypatch):
     still, options = joint_optimum._Step(JointStep(np.zeros(1), np.ones(1), np.ones(1)), None, 1.0), FitOptions()
     costs = {0.5: 2000.0, 0.25: 1010.0}
 
-    def moved(campaign, optimum, step, *rest, larger_steps):
+    def moved(campaign, optimum, step, *rest):
         if step.largest == 1.0:
             raise DataRejectedError("not finite")
         return SimpleNamespace(minimum=SimpleNamespace(cost=costs[step.largest]), misfit=1.0)
 
     def shares(weight_rounds: int) -> float | None:
-        how = replace(options, weight_rounds=weight_rounds)
-        found = joint_optimum._improved(
-            None, before, still, {}, how, unwatched, larger_steps=True, worse=joint_optimum.WORSE
-        )
+        phase = options.phase(weight_rounds=weight_rounds)
+        found = joint_optimum._improved(None, before, still, {}, options, phase, unwatched, worse=joint_optimum.WORSE)
         return None if found is None else found.minimum.cost
 
     monkeypatch.setattr(joint_optimum, "_moved", moved)
@@ -414,11 +412,11 @@ def test_a_step_after_which_residuals_are_larger_is_shortened(monkeypatch):
 def test_a_stop_that_is_found_late_asks_for_weights_once_more(monkeypatch, found_in: int | None, weighed: list[int]):
     rounds: list[int] = []
 
-    def touched(campaign, optimum, options, report):
+    def touched(campaign, optimum, phase, report):
         return SimpleNamespace(**vars(optimum)) if len(rounds) == found_in else optimum
 
-    def improved(campaign, optimum, step, profiles, options, report, **how):
-        rounds.append(options.weight_rounds)
+    def improved(campaign, optimum, step, profiles, options, phase, report, **limit):
+        rounds.append(phase.weight_rounds)
         return optimum
 
     lengths = iter([1.0, 1.0, 0.5, 0.01])

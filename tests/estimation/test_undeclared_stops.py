@@ -16,8 +16,9 @@ from sysid.estimation.fit.joint_optimum import joint_optimum
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.law_screen import promising, reached_travels
 from sysid.estimation.fit.least_squares import optimise
-from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.options import FitOptions, Phase
 from sysid.estimation.fit.reweighted_search import optimise_from
+from sysid.estimation.fit.search_plan import before_joint, first_sight
 from sysid.estimation.fit.travel_scan import with_touched_stops
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.law_families import STOPS, Laws
@@ -86,7 +87,7 @@ def test_stops_much_nearer_than_usual_are_promised(monkeypatch):
     jounce_m, rebound_m = (tuple(0.5 * travel for travel in of) for of in (JOUNCE_M, REBOUND_M))
     data = recorded(True, jounce_m, rebound_m, profiles=low)
     laws = (frozenset(),) * 3
-    optimum = optimise(data, campaign_parameters(data, None), low, OPTIONS, unwatched, rough=True)
+    optimum = optimise(data, campaign_parameters(data, None), low, OPTIONS, unwatched, plan=first_sight)
     reached = reached_travels(optimum)
     assert set(reached) == {(quantity, axle) for quantity in TRAVELS for axle in range(3)}
     assert max(reached.values()) < 0.078
@@ -121,7 +122,7 @@ def test_stops_are_fitted_before_what_imitates_them(monkeypatch):
         monkeypatch.setattr(law_comparison, name, lambda laws, optimum, fitted: optimum)
     asked: list[Laws] = []
     law_comparison._enriched(
-        None, (frozenset(),), (gas | stop,), None, lambda laws, near, how="final": asked.append(laws)
+        None, (frozenset(),), (gas | stop,), None, lambda laws, near, plan=before_joint: asked.append(laws)
     )
     assert asked == [(stop,), (gas | stop,), (gas | stop,)]
 
@@ -147,7 +148,7 @@ def released(travel_m: float, reached_m: float, cost_without: float, monkeypatch
 
     monkeypatch.setattr(stop_search, "reached_travels", lambda optimum: {("rebound_travel", 0): reached_m})
 
-    def fitted(laws, near, *, how):
+    def fitted(laws, near, plan):
         return at(near.vector, cost_without)
 
     best = stop_search.with_released_stops((frozenset({STOPS}),), at(np.log([4e5, travel_m]), 50.0), fitted)
@@ -184,7 +185,7 @@ def test_stops_of_one_axle_that_gain_little_are_taken_away(monkeypatch):
     stop, none = frozenset({STOPS}), frozenset()
     costs = {(stop, stop): 50.0, (none, stop): 110.0, (stop, none): 53.0, (none, none): 400.0}
 
-    def fitted(laws, near, *, how="final"):
+    def fitted(laws, near, plan=before_joint):
         problem = SimpleNamespace(count=4 + 3 * sum(map(len, laws)))
         return SimpleNamespace(laws=laws, problem=problem, minimum=SimpleNamespace(cost=costs[laws]), misfit=2.0)
 
@@ -221,11 +222,11 @@ def test_none_are_found_on_a_truck_without_stops():
     assert max(abs(p.value / k - 1.0) for p, k in zip(fit.parameters[:3], STIFFNESS, strict=True)) < 0.01
 
 
-def found_by_search(data: Campaign, near, how: FitOptions):
+def found_by_search(data: Campaign, near, phase: Phase):
     """The optimum from the vector of another one, under its weights or, on request, with its own."""
     problem, (values, motion) = near.problem, near.problem.unpack(near.vector)
     noise, weights = near.instrument, problem.weights
-    return optimise_from(data, problem.model, motion, noise, values, how, unwatched, weights=weights)
+    return optimise_from(data, problem.model, motion, noise, values, phase, unwatched, weights=weights)
 
 
 @pytest.fixture(scope="module", params=[0.071, 0.0724])
@@ -240,7 +241,7 @@ def touched(request):
     place = parameters.index("rebound_travel", 1)
     beyond = optimum.vector.copy()
     beyond[place] = np.log(0.09)
-    stuck = found_by_search(data, replace(optimum, vector=beyond), OPTIONS)
+    stuck = found_by_search(data, replace(optimum, vector=beyond), OPTIONS.phase())
     return SimpleNamespace(data=data, travel_m=request.param, optimum=optimum, stuck=stuck, place=place)
 
 
@@ -248,7 +249,7 @@ def test_a_stop_that_the_runs_just_reach_is_found_by_a_scan(touched):
     # The search from beyond goes where the prior has its median: no derivative says anything else.
     assert np.exp(touched.stuck.vector[touched.place]) == pytest.approx(0.085, rel=1e-6)
     stuck = replace(touched.stuck, amounts=np.array([0.25]))
-    found = with_touched_stops(touched.data, stuck, OPTIONS, unwatched)
+    found = with_touched_stops(touched.data, stuck, OPTIONS.phase(), unwatched)
     assert np.exp(found.vector[touched.place]) == pytest.approx(touched.travel_m, abs=2e-4)
     assert found.minimum.cost < stuck.minimum.cost - 20.0
     # All else is as it was: weights, model, masses and departures.
@@ -262,7 +263,7 @@ def test_a_stop_that_the_runs_just_reach_is_found_by_a_scan(touched):
 def test_a_scan_looks_closely_where_the_runs_begin_to_reach(touched, monkeypatch):
     """Its first values are 85, 75, 67 mm and less: none of them is better."""
     monkeypatch.setattr(travel_scan, "_VALUES", 6)
-    found = with_touched_stops(touched.data, touched.stuck, OPTIONS, unwatched)
+    found = with_touched_stops(touched.data, touched.stuck, OPTIONS.phase(), unwatched)
     assert np.exp(found.vector[touched.place]) == pytest.approx(touched.travel_m, abs=2e-4)
 
 
@@ -277,17 +278,17 @@ def test_a_scan_that_finds_nothing_leaves_the_optimum(touched, monkeypatch):
     # A search that ends higher is not taken.
     higher = replace(touched.stuck, minimum=replace(touched.stuck.minimum, cost=1.0 + touched.stuck.minimum.cost))
     monkeypatch.setattr(travel_scan, "_searched", lambda *rest: higher)
-    assert with_touched_stops(touched.data, touched.stuck, OPTIONS, unwatched) is touched.stuck
+    assert with_touched_stops(touched.data, touched.stuck, OPTIONS.phase(), unwatched) is touched.stuck
 
     def never(*rest):
         raise AssertionError
 
     monkeypatch.setattr(travel_scan, "_searched", never)
     # All travels are determined.
-    assert with_touched_stops(touched.data, touched.optimum, OPTIONS, unwatched) is touched.optimum
+    assert with_touched_stops(touched.data, touched.optimum, OPTIONS.phase(), unwatched) is touched.optimum
     # All values of the scan are beyond reach, 77 mm at least.
     monkeypatch.setattr(travel_scan, "_FURTHEST", 0.09)
-    assert with_touched_stops(touched.data, touched.stuck, OPTIONS, unwatched) is touched.stuck
+    assert with_touched_stops(touched.data, touched.stuck, OPTIONS.phase(), unwatched) is touched.stuck
 
 
 def test_stops_that_explain_the_same_are_not_both_moved(monkeypatch):
@@ -333,7 +334,7 @@ def known_scale(optimum, vector) -> float:
     information = optimum_information(data, problem, vector, allowances, np.zeros(allowances.count)).matrix
     size = count + masses.sd.size
     rows, _ = problem.model.parameters.prior_rows()
-    joint = NormalEquations.with_priors(information[:size, :size], prior=rows.T @ rows, sd=masses.sd)
+    joint = NormalEquations.of(information[:size, :size], prior=rows.T @ rows, sd=masses.sd)
     sd = np.sqrt(joint.variances)
     return float(sd[count:][masses.scales][0] / masses.sd[masses.scales][0])
 

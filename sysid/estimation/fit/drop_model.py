@@ -26,7 +26,6 @@ from sysid.estimation.parameters.campaign_parameters import (
     campaign_parameters,
 )
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
-from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.progress import Progress, unwatched
@@ -203,11 +202,12 @@ def fit_drops(
     model = model_at(motion.speed_m_s, motion.start_s)
     instrument = _instrument_noise(model, noise)
     report("fitting the plank drops with the full model", 0.2)
-    larger = with_larger_steps(model, parameters.start, motion)
-    optimum = optimise_from(as_runs, larger, motion, instrument, parameters.start, _hasty(options), report)
+    # A short search shows whether linear laws suit the drops.
+    short = options.phase(weight_rounds=1, tolerance=1e-3, max_iterations=_FIRST_ITERATIONS, larger_steps=True)
+    optimum = optimise_from(as_runs, model, motion, instrument, parameters.start, short, report)
     if not _says_little(optimum):
         values, motion = optimum.problem.unpack(optimum.vector)
-        search = partial(optimise_from, as_runs, model, motion, instrument, values, options, report)
+        search = partial(optimise_from, as_runs, model, motion, instrument, values, options.phase(), report)
         optimum = search(weights=optimum.problem.weights, damping=optimum.minimum.damping)
     return _estimates(records, optimum)
 
@@ -218,12 +218,6 @@ def _says_little(optimum: Optimum) -> bool:
     For a search that has not converged, the residuals must be clearly too large.
     """
     return optimum.misfit >= (DOUBT if optimum.minimum.converged else _CLEARLY * DOUBT)
-
-
-def _hasty(options: FitOptions) -> FitOptions:
-    """Settings of a short search that shows whether linear laws suit the drops."""
-    rounds, most = min(options.weight_rounds, 1), min(options.max_iterations, _FIRST_ITERATIONS)
-    return replace(options, weight_rounds=rounds, tolerance=max(options.tolerance, 1e-3), max_iterations=most)
 
 
 def _as_run(number: int, drop: PlankDrop, last_s: float) -> BumpRun:

@@ -41,6 +41,7 @@ from sysid.estimation.uncertainty.frame_shapes import FRAME_SD
 from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, Identifiability, assess
 from sysid.estimation.uncertainty.information import AdjustedInformation, adjusted_information
 from sysid.estimation.uncertainty.mass_response import MassResponse
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 from sysid.estimation.uncertainty.spread import spread_between
 from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
@@ -209,14 +210,10 @@ def _covariance(problem: Problem, compressed: Compressed, information: Parameter
     count = problem.count
     rows, _ = problem.model.parameters.prior_rows()
     normal = compressed.jacobian.T @ compressed.jacobian
-    shared = np.linalg.inv(information + rows.T @ rows)
-    local = np.linalg.inv(normal[count:, count:])
-    lever = local @ normal[count:, :count]
-    covariance = np.zeros_like(normal)
-    covariance[:count, :count] = shared
-    covariance[count:, :count] = -lever @ shared
-    covariance[:count, count:] = covariance[count:, :count].T
-    covariance[count:, count:] = local + lever @ shared @ lever.T
+    equations, own = NormalEquations.of(normal), slice(count, None)
+    change = np.concatenate([np.eye(count), equations.eliminate(own).response])
+    covariance = change @ np.linalg.inv(information + rows.T @ rows) @ change.T
+    covariance[own, own] += equations.only(own).covariance
     return np.asarray(covariance)
 
 

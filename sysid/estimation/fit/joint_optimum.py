@@ -25,12 +25,11 @@ from sysid.campaign.clocks.moved import on_moved_clocks
 from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit.optimum import Optimum
-from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.options import FitOptions, Phase
 from sysid.estimation.fit.reweighted_search import continued, optimise_from
 from sysid.estimation.fit.travel_scan import with_touched_stops
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
-from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.run_clocks import moved_clocks
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
 from sysid.estimation.uncertainty.information import (
@@ -104,9 +103,9 @@ def joint_optimum(
     optimum : of the parameters, with masses and contact as declared; its steps may be larger than those of `options`.
     profiles, options, report : as :func:`sysid.estimation.fit.least_squares.optimise`.
     """
-    rough = replace(options, weight_rounds=0, tolerance=max(options.tolerance, _ROUGH_TOLERANCE))
-    reweighted, final = replace(rough, weight_rounds=min(options.weight_rounds, 1)), replace(options, weight_rounds=0)
-    optimum = _with_frame_shapes(campaign, optimum, profiles, reweighted, report)
+    rough = options.phase(weight_rounds=0, tolerance=_ROUGH_TOLERANCE, larger_steps=True)
+    reweighted, final = replace(rough, weight_rounds=min(options.weight_rounds, 1)), options.phase(weight_rounds=0)
+    optimum = _with_frame_shapes(campaign, optimum, profiles, options, reweighted, report)
     before: _Step | None = None
     weighed = REWEIGHTED
     for number in range(ROUNDS):
@@ -121,11 +120,11 @@ def joint_optimum(
         before = step
         near = number >= weighed and step.largest < NEAR_SD
         last = near or number == ROUNDS - 1
-        how = final if last else (reweighted if number < weighed else rough)
-        moved = _improved(campaign, optimum, step, profiles, how, report, larger_steps=not last, worse=WORSE)
+        phase = final if last else (reweighted if number < weighed else rough)
+        moved = _improved(campaign, optimum, step, profiles, options, phase, report, worse=WORSE)
         if moved is None:
             # No step is an improvement: the search ends where it is, by exact steps.
-            moved = _moved(campaign, optimum, step.times(0.0), profiles, final, report, larger_steps=False)
+            moved = _moved(campaign, optimum, step.times(0.0), profiles, options, final, report)
             return _unsettled(moved)
         optimum = moved
         if last:
@@ -138,6 +137,7 @@ def _with_frame_shapes(
     optimum: Optimum,
     profiles: Mapping[str, RoadProfile],
     options: FitOptions,
+    phase: Phase,
     report: Progress,
 ) -> Optimum:
     """The optimum of the parameters and of the shapes of frames that bend, all other masses as declared.
@@ -150,7 +150,7 @@ def _with_frame_shapes(
             break
         report("shapes of frames that bend", 0.9)
         step = _shape_step(campaign, optimum, allowances)
-        moved = _improved(campaign, optimum, step, profiles, options, report, larger_steps=True, worse=1.0)
+        moved = _improved(campaign, optimum, step, profiles, options, phase, report, worse=1.0)
         if moved is None:
             break
         optimum = moved
@@ -165,29 +165,29 @@ def _improved(
     step: _Step,
     profiles: Mapping[str, RoadProfile],
     options: FitOptions,
+    phase: Phase,
     report: Progress,
     *,
-    larger_steps: bool,
     worse: float,
 ) -> Optimum | None:
     """The optimum after the largest share of a step that leaves residuals below `worse` times theirs; None for none."""
     for share in SHARES:
         try:
-            moved = _moved(campaign, optimum, step.times(share), profiles, options, report, larger_steps=larger_steps)
+            moved = _moved(campaign, optimum, step.times(share), profiles, options, phase, report)
         except DataRejectedError:
             # The simulation is not finite there: no improvement.
             continue
-        if _not_larger(moved, optimum, options, worse):
+        if _not_larger(moved, optimum, phase, worse):
             return moved
     return None
 
 
-def _not_larger(moved: Optimum, before: Optimum, options: FitOptions, worse: float) -> bool:
+def _not_larger(moved: Optimum, before: Optimum, phase: Phase, worse: float) -> bool:
     """Whether the residuals of an optimum are below `worse` times those of the one before.
 
     Scales of residuals follow them only where weights are made again. Under the same weights costs are compared.
     """
-    if options.weight_rounds > 0:
+    if phase.weight_rounds > 0:
         return moved.misfit <= worse * before.misfit
     return moved.minimum.cost <= worse**2 * before.minimum.cost + _SAME_COST
 
@@ -250,9 +250,8 @@ def _moved(
     step: _Step,
     profiles: Mapping[str, RoadProfile],
     options: FitOptions,
+    phase: Phase,
     report: Progress,
-    *,
-    larger_steps: bool,
 ) -> Optimum:
     """The optimum of the parameters after a step, with the new masses, departures, clocks and footprint maps."""
     problem, clocks = before.problem, before.clocks
@@ -269,7 +268,6 @@ def _moved(
     here = np.zeros(allowances.count) if before.amounts is None else before.amounts
     amounts = allowances.within_reach(here + step.joint.amounts)
     model = allowances.moved(model, amounts)
-    model = with_larger_steps(model, values, motion) if larger_steps else model
-    search = partial(optimise_from, campaign, model, motion, before.instrument, values, options, report)
+    search = partial(optimise_from, campaign, model, motion, before.instrument, values, phase, report)
     after = search(weights=problem.weights, damping=before.minimum.damping)
     return replace(continued(after, before), amounts=amounts, clocks=clocks)

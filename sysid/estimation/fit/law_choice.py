@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import Vehicle
@@ -25,6 +24,7 @@ from sysid.estimation.fit.likely_mistake import likely_mistake
 from sysid.estimation.fit.optimum import Optimum, worth_a_search
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.part_search import undeclared_parts
+from sysid.estimation.fit.search_plan import Plan, before_joint, first_sight
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.fit.travel_scan import with_touched_stops
@@ -37,13 +37,6 @@ from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
 from sysid.runtime import forget_compiled
 from sysid.sdof.drop_results import DropSummary
-
-#: Iterations after which the fit ends with which trials are compared. Parameters about which the data say little move
-#: slowly for a long time, and change the cost by far less than a deciding gain.
-BASE_ITERATIONS = 20
-#: One that the joint optimum begins from, one to judge residuals by, one that trials are compared with, or one under
-#: the weights and maps of its neighbour.
-How = Literal["final", "rough", "base", "trial", "rough trial"]
 
 
 def fit_with_laws(
@@ -135,7 +128,7 @@ class _Choice:
         if not self.is_open:
             return linear, None
         if self.options.laws != "compare" and not self._leaves_laws(linear):
-            return self.fitted(self.declared, linear, how="final"), None
+            return self.fitted(self.declared, linear), None
         tried = partial(self.fitted, comparing=True)
         return compare_laws(self.campaign, self.declared, self.richest, linear, tried)
 
@@ -148,7 +141,7 @@ class _Choice:
 
     def by_declared_laws(self, near: Optimum | None) -> Optimum:
         """The optimum of the laws of the campaign file, good enough to judge its residuals where any law is open."""
-        return self.fitted(self.declared, near, how="rough" if self.is_open else "final")
+        return self.fitted(self.declared, near, first_sight if self.is_open else before_joint)
 
     def with_parts(self, laws: Laws, optimum: Optimum) -> tuple[_Choice, Optimum]:
         """Fits with the undeclared parts that the residuals of an optimum require, with the one by declared laws.
@@ -170,38 +163,21 @@ class _Choice:
         choice = replace(self, campaign=parts.in_campaign(self.campaign), parts=self.parts + parts)
         return choice, choice.by_declared_laws(with_them)
 
-    def fitted(self, laws: Laws, near: Optimum | None, *, how: How = "final", comparing: bool = False) -> Optimum:
-        """The optimum of some laws; `near` one of others to start from."""
-        options, trial = self.options, how.endswith("trial")
-        # A trial keeps weights and maps of its neighbour, under which it is compared.
-        tolerance = max(options.tolerance, 1e-3 if how == "rough trial" else 1e-6)
-        under = replace(options, weight_rounds=0, tolerance=tolerance) if trial else options
-        if how == "final":
-            # The joint optimum begins here: it weighs residuals again, and ends with exact steps.
-            under = replace(options, weight_rounds=min(options.weight_rounds, 1))
-        if how == "base":
-            rounds, most = min(options.weight_rounds, 1), min(options.max_iterations, BASE_ITERATIONS)
-            under = replace(options, weight_rounds=rounds, tolerance=tolerance, max_iterations=most)
+    def fitted(
+        self, laws: Laws, near: Optimum | None, plan: Plan = before_joint, *, comparing: bool = False
+    ) -> Optimum:
+        """The optimum of some laws by the phases of a plan; `near` one of others to start from."""
         parameters = campaign_parameters(self.campaign, self.drops, laws)
         if near is not None and parameters.names != near.problem.model.parameters.names:
             # Functions compiled for other laws are not needed again; those of the reference engine take much memory.
             forget_compiled()
         report = self._comparing if comparing else self.report
-        search = partial(
-            optimise,
-            self.campaign,
-            parameters,
-            self.profiles,
-            under,
-            report,
-            keep_maps=trial,
-            rough=how == "rough",
-            larger_steps=comparing or how == "final",
-        )
+        search = partial(optimise, self.campaign, parameters, self.profiles, self.options, report, plan=plan)
         found = search(near=near)
-        if how != "base":
+        phases = plan(self.options, near is not None)
+        if not phases.scans_stops:
             return found
-        touched = with_touched_stops(self.campaign, found, under, report)
+        touched = with_touched_stops(self.campaign, found, phases.end, report)
         # Its residuals, and so the weights under which laws are compared, are other ones.
         return found if touched is found else search(near=touched)
 

@@ -24,6 +24,7 @@ from sysid.estimation.fit.fit_result import LawComparison, LawTrial, UndecidedLa
 from sysid.estimation.fit.law_evidence import Judged, LawEvidence
 from sysid.estimation.fit.law_screen import promising
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
+from sysid.estimation.fit.search_plan import base, first_sight, rough_trial, trial
 from sysid.estimation.fit.stop_search import (
     axles_with_stops,
     with_nearer_stops,
@@ -108,7 +109,7 @@ class _Trials:
         self.laws, self.best = rich_laws, data.judge(rich)
         # If the result is clear, the cost of the poor laws need not be known exactly.
         sure = _sure(self.best, rich_laws, poor_laws, size)
-        self._base = data.judge(fitted(poor_laws, rich, how="rough trial" if sure else "trial"))
+        self._base = data.judge(fitted(poor_laws, rich, rough_trial if sure else trial))
         names, cost = _names(poor_laws), self._base.evidence.cost
         self.made = [LawTrial(names, self._base.count, cost, poor.misfit, 0.0)]
         self.made.append(_trial(rich_laws, self.best, self._gain(self._base, self.best)))
@@ -144,7 +145,7 @@ class _Trials:
             self.laws, self.best = laws, self._fit(laws)
 
     def _fit(self, laws: Laws) -> Judged:
-        candidate = self._data.judge(self._fitted(laws, self.best.optimum, how="trial"))
+        candidate = self._data.judge(self._fitted(laws, self.best.optimum, trial))
         self.made.append(_trial(laws, candidate, self._gain(self._base, candidate)))
         return candidate
 
@@ -187,12 +188,12 @@ def _enriched(
             # Other elements imitate a stop that is not there yet, and then hide its travel from the search.
             added = tuple(more & {STOPS} for more in added)
         laws = tuple(law | more for law, more in zip(laws, added, strict=True))
-        optimum = fitted(laws, optimum, how="rough")
+        optimum = fitted(laws, optimum, first_sight)
         if any(STOPS in more for more in added):
             optimum = with_nearer_stops(laws, optimum, fitted)
     if laws == start:
         return laws, None
-    return laws, with_released_stops(laws, fitted(laws, optimum, how="base"), fitted)
+    return laws, with_released_stops(laws, fitted(laws, optimum, base), fitted)
 
 
 def _sure(judged: Judged, laws: Laws, without: Laws, size: float) -> bool:

@@ -127,7 +127,7 @@ class LawEvidence:
 def _equations(optimum: Optimum, matrix: UnknownsByUnknowns, score: Unknowns, sd: Unknowns) -> NormalEquations:
     """Equations of the parameters and of further unknowns with standard deviations `sd`, near an optimum."""
     pull, prior = optimum.problem.model.parameters.prior_pull(optimum.vector[: optimum.problem.count])
-    return NormalEquations.with_priors(matrix, score, prior=prior, pull=pull, sd=sd)
+    return NormalEquations.of(matrix, score, prior=prior, pull=pull, sd=sd)
 
 
 def evidence(cost: float, equations: NormalEquations, count: int) -> Evidence:

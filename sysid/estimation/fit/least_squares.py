@@ -1,9 +1,8 @@
-"""The least-squares calibration: start values and rounds of re-weighting on the way to the optimum."""
+"""The least-squares calibration: start values, and the phases of a search on the way to the optimum."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -16,30 +15,19 @@ from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.joint_optimum import joint_optimum
 from sysid.estimation.fit.load_case_check import check_load_cases
 from sysid.estimation.fit.optimum import Optimum
-from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.options import FitOptions, Phase
 from sysid.estimation.fit.reweighted_search import continued, instrument_noise, optimise_from
+from sysid.estimation.fit.search_plan import Plan, exact
 from sysid.estimation.fit.start_search import search_motion
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
-from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise as noise_model
 from sysid.progress import Progress, unwatched
-from sysid.road.contact_laws import CONTACT_LAWS
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.passes import MapTires
-
-#: Footprint maps are made again at most so often; each time their tires come about five times closer to those of the
-#: optimum under them.
-_MAPS = 5
-_ROUGH_TOLERANCE = 1e-5
-#: Laws that do not suit a truck are not fitted to the end: the expected gain of richer ones is known long before.
-_FIRST_SIGHT, _FIRST_ITERATIONS = 1e-3, 15
-#: Iterations after which a search from another optimum ends that only finds the tires of the next maps: parameters that
-#: the data hardly see creep on for long.
-_MAP_ITERATIONS = 8
 
 
 def fit_bump_runs(
@@ -81,23 +69,16 @@ def optimise(
     options: FitOptions,
     report: Progress,
     *,
+    plan: Plan = exact,
     near: Optimum | None = None,
-    keep_maps: bool = False,
-    rough: bool = False,
-    larger_steps: bool = False,
 ) -> Optimum:
-    """The optimum of one set of suspension laws, all rounds of re-weighting done.
-
-    Footprint maps are made for the declared tires first, and again until they are those of the estimated ones.
+    """The optimum of one set of suspension laws, by the phases of a plan.
 
     Parameters
     ----------
-    near : optimum of other laws on the same campaign to start from: its motions, weights and common parameters.
-    keep_maps : keep the footprint maps of `near`.
-    rough : end before the last search, under the weights of one round and maps of `near`, or made again once: enough to
-        judge residuals by.
-    larger_steps : integrate with the larger steps that searches before the last one have anyway
-        (:mod:`sysid.estimation.residuals.larger_steps`): enough to compare optima by.
+    plan : one of :mod:`sysid.estimation.fit.search_plan`.
+    near : optimum of other laws on the same campaign to start from: its motions, weights, maps and common parameters.
+        None to begin at the start values, under maps of the declared tires.
     """
     report("preparing the model", 0.0)
 
@@ -105,17 +86,15 @@ def optimise(
         step, contact = options.target_step_s, options.contact
         return bump_model(of, parameters, profiles, target_step_s=step, contact=contact, tires=tires)
 
-    again = CONTACT_LAWS[options.contact].follows_tires and not keep_maps
-    # For the tires of the maps, weights and minimum need not be exact.
-    hasty = replace(
-        options, weight_rounds=min(options.weight_rounds, 1), tolerance=max(options.tolerance, _ROUGH_TOLERANCE)
-    )
-    if rough:
-        hasty = replace(hasty, tolerance=_FIRST_SIGHT, max_iterations=min(options.max_iterations, _FIRST_ITERATIONS))
-    elif near is not None:
-        hasty = replace(hasty, max_iterations=min(options.max_iterations, _MAP_ITERATIONS))
-    how = hasty if again or rough else options
-    larger = larger_steps or again or rough
+    def under_own_maps(before: Optimum, phase: Phase) -> Optimum:
+        """The optimum under footprint maps of the tires that another optimum has."""
+        report("footprint of the estimated tires", 0.5)
+        values, motion = before.problem.unpack(before.vector)
+        model = prepared(map_tires(before.problem.model.parameters, values))
+        search = partial(optimise_from, campaign, model, motion, before.instrument, values, phase, report)
+        return continued(search(weights=before.problem.weights, damping=before.minimum.damping), before)
+
+    phases = plan(options, near is not None)
     if near is None:
         model, start, weights, damping = prepared(None), parameters.start, None, None
         motion, instrument = _find_motion(campaign, model, start, report)
@@ -125,38 +104,15 @@ def optimise(
         instrument, (_, motion) = near.instrument, near.problem.unpack(near.vector)
         # Elements that are new stand at their start values, perhaps far from their optimum.
         damping = near.minimum.damping if parameters.names == near.problem.model.parameters.names else None
-    model = with_larger_steps(model, start, motion) if larger else model
-    search = partial(optimise_from, campaign, model, motion, instrument, start, how, report)
+    search = partial(optimise_from, campaign, model, motion, instrument, start, phases.first, report)
     optimum = search(weights=weights, damping=damping)
-    if not again or (rough and near is not None):
-        return optimum
-    for _ in range(1 if rough else _MAPS - 1):
-        optimum = _with_own_maps(campaign, optimum, prepared, hasty, report, larger_steps=True)
+    for _ in range(phases.map_rounds):
+        optimum = under_own_maps(optimum, phases.first)
         tires = optimum.problem.model.tires
         assert tires is not None
         if tires.like(map_tires(parameters, optimum.vector[: optimum.problem.count])):
             break
-    if rough:
-        return optimum
-    return _with_own_maps(campaign, optimum, prepared, options, report, larger_steps=larger_steps)
-
-
-def _with_own_maps(
-    campaign: Campaign,
-    before: Optimum,
-    prepared: Callable[[MapTires], BumpModel],
-    options: FitOptions,
-    report: Progress,
-    *,
-    larger_steps: bool,
-) -> Optimum:
-    """The optimum under footprint maps of the tires that another optimum has."""
-    report("footprint of the estimated tires", 0.5)
-    values, motion = before.problem.unpack(before.vector)
-    model, weights = prepared(map_tires(before.problem.model.parameters, values)), before.problem.weights
-    model = with_larger_steps(model, values, motion) if larger_steps else model
-    search = partial(optimise_from, campaign, model, motion, before.instrument, values, options, report)
-    return continued(search(weights=weights, damping=before.minimum.damping), before)
+    return optimum if phases.last is None else under_own_maps(optimum, phases.last)
 
 
 def _start_from(parameters: ParameterSet, near: Optimum) -> np.ndarray:

@@ -49,9 +49,8 @@ def fit_without(
     report = progress or unwatched
     others = tuple(i for i in range(len(state.campaign.bump_runs)) if i != run)
     part, model, motion, weights = _part(state, others)
-    how = replace(options, weight_rounds=min(options.weight_rounds, 1), second_solver=False)
-    noise = instrument_noise(model, motion)
-    optimum = optimise_from(part, model, motion, noise, state.point.log_parameters, how, report, weights=weights)
+    noise, phase = instrument_noise(model, motion), options.phase(weight_rounds=1)
+    optimum = optimise_from(part, model, motion, noise, state.point.log_parameters, phase, report, weights=weights)
     values, _ = optimum.problem.unpack(optimum.vector)
     part, model, motion, weights = _part(state, (run,))
     motion = _own_motion(Problem(model, part, motion, weights), values)

@@ -80,9 +80,7 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
     while chosen := list(islice(directions, at_once)):
         data = information_with(campaign, problem, optimum.vector, *known, *(columns for _, columns in chosen))
         with_candidates = np.concatenate([sd, np.full(len(chosen), np.inf)])
-        equations = NormalEquations.with_priors(
-            data.matrix, data.score, prior=prior, pull=prior_pull, sd=with_candidates
-        )
+        equations = NormalEquations.of(data.matrix, data.score, prior=prior, pull=prior_pull, sd=with_candidates)
         all_else = slice(problem.count + sd.size)
         left = total - 2.0 * equations.only(all_else).gain - count
         if left < (MISFIT**2 - 1.0) * count:

@@ -1,4 +1,4 @@
-"""Settings of the least-squares stage."""
+"""Settings of the least-squares stage, and of one search in it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,23 @@ from dataclasses import dataclass
 
 from sysid.estimation.residuals.bump_model import TARGET_STEP_S
 from sysid.road.contact_laws import ContactLaw
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One search for the parameters under given footprint maps.
+
+    - `weight_rounds`: number of re-estimations of the residual scales on the way;
+    - `tolerance`: relative change of the cost that ends it;
+    - `max_iterations`: limit per round;
+    - `larger_steps`: whether it integrates with larger steps
+      (:mod:`sysid.estimation.residuals.larger_steps`): enough to compare optima by.
+    """
+
+    weight_rounds: int
+    tolerance: float
+    max_iterations: int
+    larger_steps: bool = False
 
 
 @dataclass(frozen=True)
@@ -32,3 +49,19 @@ class FitOptions:
     laws: str = "auto"
     contact: ContactLaw = "footprint"
     contact_spread: bool = False
+
+    def phase(
+        self,
+        *,
+        weight_rounds: int | None = None,
+        tolerance: float = 0.0,
+        max_iterations: int | None = None,
+        larger_steps: bool = False,
+    ) -> Phase:
+        """A search with these settings, or a less exact one: at most so many rounds and iterations, no finer end."""
+        return Phase(
+            self.weight_rounds if weight_rounds is None else min(self.weight_rounds, weight_rounds),
+            max(self.tolerance, tolerance),
+            self.max_iterations if max_iterations is None else min(self.max_iterations, max_iterations),
+            larger_steps,
+        )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from sysid.estimation.fit.optimum import Optimum, effective_residuals, worth_a_s
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.part_score import PartCandidate, part_scores
 from sysid.estimation.fit.rocker_search import rocker_candidates
+from sysid.estimation.fit.search_plan import trial
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.law_families import Laws
@@ -63,12 +63,12 @@ def undeclared_parts(
         best = promising[0].candidate
         report(best.words, 0.5)
         added = best.unknown.in_campaign(campaign)
-        trial = _fitted(added, laws, optimum, drops, profiles, options, report)
-        stays = 2.0 * (_cost_at_end(optimum) - trial.minimum.cost) >= decides and best.plausible(trial)
-        trial.problem.forget()
+        fitted = _fitted(added, laws, optimum, drops, profiles, options, report)
+        stays = 2.0 * (_cost_at_end(optimum) - fitted.minimum.cost) >= decides and best.plausible(fitted)
+        fitted.problem.forget()
         if not stays:
             break
-        parts, campaign, optimum = parts + best.unknown, added, trial
+        parts, campaign, optimum = parts + best.unknown, added, fitted
     return parts, optimum
 
 
@@ -82,9 +82,8 @@ def _fitted(
     report: Progress,
 ) -> Optimum:
     """The optimum with a part, under the weights and maps of the one without, so that costs can be compared."""
-    how = replace(options, weight_rounds=0, tolerance=max(options.tolerance, 1e-6))
     parameters = campaign_parameters(campaign, drops, laws)
-    return optimise(campaign, parameters, profiles, how, report, near=near, keep_maps=True, larger_steps=True)
+    return optimise(campaign, parameters, profiles, options, report, plan=trial, near=near)
 
 
 def _cost_at_end(optimum: Optimum) -> float:

@@ -12,9 +12,10 @@ from sysid.arrays import Parameters, RunsByChannels
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.minimiser import Minimum, minimise
 from sysid.estimation.fit.optimum import Optimum
-from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.options import Phase
 from sysid.estimation.parameters.suspension_elements import TRAVELS
 from sysid.estimation.residuals.bump_model import BumpModel
+from sysid.estimation.residuals.larger_steps import with_larger_steps
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_data import RunGroup
@@ -31,7 +32,7 @@ def optimise_from(
     motion: RunMotion,
     instrument: tuple[RunsByChannels, ...],
     start: Parameters,
-    options: FitOptions,
+    phase: Phase,
     report: Progress,
     *,
     weights: Weights | None = None,
@@ -45,18 +46,20 @@ def optimise_from(
     weights : those of the first round; None for weights that suit parameters far from the optimum.
     damping : that of the first step, as in :func:`sysid.estimation.fit.minimiser.minimise`.
     """
+    if phase.larger_steps:
+        model = with_larger_steps(model, start, motion)
     first_weights = Weights(_first_scale(model, instrument), tuple(np.ones_like(n) for n in instrument))
     problem = Problem(model, campaign, motion, weights or first_weights)
     vector = problem.vector(start)
-    first, iterations, rounds = vector.copy(), 0, options.weight_rounds + 1
+    first, iterations, rounds = vector.copy(), 0, phase.weight_rounds + 1
     minimum: Minimum | None = None
     for number in range(rounds):
         last = number == rounds - 1
         minimum = minimise(
             problem.evaluate,
             vector,
-            relative_tolerance=options.tolerance if last else 1e-4,
-            max_iterations=options.max_iterations,
+            relative_tolerance=phase.tolerance if last else 1e-4,
+            max_iterations=phase.max_iterations,
             on_iteration=partial(_report_iteration, report, number, rounds),
             corners=[i for i, p in enumerate(model.parameters.parameters) if p.quantity in TRAVELS],
             damping=damping,

@@ -10,6 +10,7 @@ import numpy as np
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.estimation.fit.law_screen import reached_travels, tried_travel
 from sysid.estimation.fit.optimum import Optimum, parameter_sd
+from sysid.estimation.fit.search_plan import first_sight, trial
 from sysid.estimation.parameters.law_families import STOPS, Laws
 from sysid.estimation.parameters.suspension_elements import TRAVELS
 
@@ -72,7 +73,7 @@ def with_nearer_stops(laws: Laws, optimum: Optimum, fitted: Callable[..., Optimu
     for i in unreached:
         inside = reached.get((parameters[i].quantity, parameters[i].axle or 0))
         vector[i] = min(vector[i] - NEARER, np.log(tried_travel(float(np.exp(vector[i])), inside)))
-    again = fitted(laws, replace(optimum, vector=vector), how="rough")
+    again = fitted(laws, replace(optimum, vector=vector), first_sight)
     return again if again.misfit < optimum.misfit else optimum
 
 
@@ -92,5 +93,5 @@ def with_released_stops(laws: Laws, optimum: Optimum, fitted: Callable[..., Opti
                 vector[i] = max(np.log(p.prior_median), np.log(BEYOND * most))
     if np.array_equal(vector, optimum.vector):
         return optimum
-    again = fitted(laws, replace(optimum, vector=vector), how="trial")
+    again = fitted(laws, replace(optimum, vector=vector), trial)
     return again if again.minimum.cost < optimum.minimum.cost else optimum

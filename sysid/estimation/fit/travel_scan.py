@@ -17,7 +17,7 @@ from sysid.arrays import UnknownsOfFit
 from sysid.campaign.clocks.moved import on_moved_clocks
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.optimum import Optimum, parameter_sd
-from sysid.estimation.fit.options import FitOptions
+from sysid.estimation.fit.options import Phase
 from sysid.estimation.fit.reweighted_search import continued, optimise_from
 from sysid.estimation.fit.stop_search import IDLE_SHRINKAGE
 from sysid.estimation.fit.thresholds import DECISIVE
@@ -36,31 +36,31 @@ _ROUNDING = 1e-12
 _MOST = 3
 
 
-def with_touched_stops(campaign: Campaign, optimum: Optimum, options: FitOptions, report: Progress) -> Optimum:
+def with_touched_stops(campaign: Campaign, optimum: Optimum, phase: Phase, report: Progress) -> Optimum:
     """The best of an optimum and of searches from shorter values of travels that the runs do not reach there.
 
     Parameters
     ----------
     campaign : screened, its clocks as read.
-    options, report : of the searches, which keep model and weights of the optimum.
+    phase, report : of the searches, which keep model and weights of the optimum.
     """
     for _ in range(_MOST):
         nearer = _nearer_stops(optimum)
         if nearer is None:
             break
-        again = _searched(campaign, replace(optimum, vector=nearer), options, report)
+        again = _searched(campaign, replace(optimum, vector=nearer), phase, report)
         if again.minimum.cost >= optimum.minimum.cost:
             break
         optimum = again
     return optimum
 
 
-def _searched(campaign: Campaign, near: Optimum, options: FitOptions, report: Progress) -> Optimum:
+def _searched(campaign: Campaign, near: Optimum, phase: Phase, report: Progress) -> Optimum:
     """The optimum of a search that begins at the vector of another one, all else as it is there."""
-    problem, how = near.problem, replace(options, weight_rounds=0)
+    problem, kept = near.problem, replace(phase, weight_rounds=0, larger_steps=False)
     values, motion = problem.unpack(near.vector)
     campaign, noise, weights = on_moved_clocks(campaign, near.clocks), near.instrument, problem.weights
-    found = optimise_from(campaign, problem.model, motion, noise, values, how, report, weights=weights)
+    found = optimise_from(campaign, problem.model, motion, noise, values, kept, report, weights=weights)
     return replace(continued(found, near), amounts=near.amounts, clocks=near.clocks)
 
 

@@ -67,7 +67,7 @@ class DataInformation:
     def _adjusted(self, matrix: np.ndarray) -> ParametersByParameters:
         """C' N C (p, p) from H' (p + q, p + q)."""
         further = slice(len(self.prior), None)
-        left = NormalEquations.with_priors(matrix, sd=self.sd).eliminate(further).left.matrix
+        left = NormalEquations.of(matrix, sd=self.sd).eliminate(further).left.matrix
         return np.asarray(self.flattening.T @ left @ self.flattening)
 
     def _between_laws(self, precision: ParametersByParameters) -> ParametersByParameters:

@@ -160,7 +160,7 @@ def departure_scale(
     """
     masses = mass_sd.size
     sd = np.full(masses + len(directions), np.inf)
-    free = NormalEquations.with_priors(information, score, prior=prior, sd=sd).eliminate(slice(len(prior))).left
+    free = NormalEquations.of(information, score, prior=prior, sd=sd).eliminate(slice(len(prior))).left
     here = np.zeros(sd.size) if amounts is None else amounts
     # The parameters at their best for it, a parabola about `here` has this gradient at 0.
     gradient = free.gradient - free.matrix @ here
@@ -172,7 +172,7 @@ def departure_scale(
     estimate, tolerance, mass_sd = np.zeros(here.size), mass_sd, mass_sd.copy()
     for _ in range(_ROUNDS):
         sd = np.concatenate([mass_sd, tau])
-        scaled = NormalEquations.with_priors(free.matrix, gradient, sd=sd)
+        scaled = NormalEquations.of(free.matrix, gradient, sd=sd)
         estimate, variance = scaled.step(), scaled.variances
         before = np.concatenate([tau, mass_sd])
         if readings is not None and readings.any():

@@ -229,7 +229,7 @@ def adjusted_information(
     spread = model_error(data, prior, pull, allowances, here, footprints_following(problem, parameters, allowances))
     factor, sd = spread.factor, spread.sd
     matrix = data.matrix / factor
-    equations, further = NormalEquations.with_priors(matrix, sd=sd), slice(count, None)
+    equations, further = NormalEquations.of(matrix, sd=sd), slice(count, None)
     left, followed = equations.eliminate(further)
     scores = (spread.scores[:, :count] + spread.scores[:, count:] @ followed) / factor
     of_blocks = adjust(scores, range(len(scores)), left.matrix)
@@ -314,7 +314,7 @@ def model_error(
         )
         change = np.concatenate([step.parameters, step.amounts])
         at_optimum = scores + parts @ (change if footprint_response is None else change + footprint_response @ change)
-        covariance = NormalEquations.with_priors(matrix, prior=prior, sd=sd).covariance
+        covariance = NormalEquations.of(matrix, prior=prior, sd=sd).covariance
         absorbed = covariance @ parts / factor
         scatter = np.sum(at_optimum @ covariance * at_optimum) / factor
         expected = np.einsum("bii->", absorbed) - np.einsum("bij,bji->", absorbed, absorbed)
@@ -371,6 +371,6 @@ def _about_maps(matrix: np.ndarray, count: int, masses: int, sd: np.ndarray) -> 
     """
     size = len(matrix)
     twice = [*range(size), *range(count, size)]
-    free = NormalEquations.with_priors(matrix[np.ix_(twice, twice)], sd=sd).eliminate(slice(size, None)).left.matrix
+    free = NormalEquations.of(matrix[np.ix_(twice, twice)], sd=sd).eliminate(slice(size, None)).left.matrix
     chosen = [*range(count), *range(count + masses, size)]
     return np.asarray(free[np.ix_(chosen, chosen)])

@@ -36,7 +36,7 @@ def interval_shares(information: DataInformation) -> np.ndarray:
     prior = information.prior
     # Model error is a source of its own: the matrix already has its factor.
     data, count = information.matrix * information.factor, len(prior)
-    equations = NormalEquations.with_priors(data, prior=prior, sd=information.sd)
+    equations = NormalEquations.of(data, prior=prior, sd=information.sd)
     kinds = np.array(information.kinds)
     variances = []
     unknown = np.zeros(kinds.size, bool)

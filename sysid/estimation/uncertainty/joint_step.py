@@ -67,7 +67,7 @@ def joint_step(
     least_sd : (q,) standard deviations below which a change of a mass or departure does not matter.
     """
     count = len(prior)
-    equations = NormalEquations.with_priors(information, score, prior=prior, pull=pull, sd=sd, amounts=amounts)
+    equations = NormalEquations.of(information, score, prior=prior, pull=pull, sd=sd, amounts=amounts)
     step = equations.step(None if footprint_response is None else information @ footprint_response)
     spread = np.maximum(np.sqrt(equations.variances[count:]), least_sd)
     over_sd = np.divide(step[count:], spread, where=spread > 0.0, out=np.zeros(sd.size))

@@ -27,6 +27,8 @@ from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
 from sysid.arrays import ParametersByParameters, Unknowns, UnknownsByUnknowns
 
+_NONE = np.zeros(0)
+
 
 class Eliminated(NamedTuple):
     """Equations of k unknowns that are left, and how the g that were eliminated follow these: `response` (g, k)."""
@@ -44,25 +46,25 @@ class NormalEquations:
     unit: Unknowns
 
     @classmethod
-    def with_priors(
+    def of(
         cls,
         information: UnknownsByUnknowns,
         score: Unknowns | None = None,
         *,
-        sd: Unknowns,
+        sd: Unknowns = _NONE,
         prior: ParametersByParameters | None = None,
         pull: Unknowns | None = None,
         amounts: Unknowns | None = None,
     ) -> NormalEquations:
-        """Equations of p parameters, then of m further unknowns y.
+        """Equations of p parameters, then of m further unknowns.
 
         The further unknowns are counted in their prior standard deviations. So one of zero is held where it is.
 
         Parameters
         ----------
         information : (p + m, p + m) H of the data; score : (p + m,) gradient of half their sum of squares, None for 0.
-        sd : (m,) prior standard deviations about 0, infinite for unknowns without a prior; amounts : (m,) where they
-            are, None for 0.
+        sd : (m,) prior standard deviations of the further unknowns about 0, infinite for those without a prior;
+            amounts : (m,) where they are, None for 0.
         prior : (p, p) precision of the parameters; pull : (p,) gradient of half the sum of squares of their priors;
             None for 0.
         """

@@ -105,7 +105,7 @@ def _run_scores(
         by_channel.append(squares if parts_of is not None and parts_of[c] else None)
     whole = with_own_priors(np.asarray(normal), local_prior)
     wide = np.array(scores)
-    equations, own = NormalEquations(whole, wide.sum(axis=0), np.ones(len(whole))), slice(-len(local_prior), None)
+    equations, own = NormalEquations.of(whole, wide.sum(axis=0)), slice(-len(local_prior), None)
     left, response = equations.eliminate(own)
     change = np.concatenate([np.eye(len(left.matrix)), response])
     parts = [change.T @ squares @ change for squares in by_channel if squares is not None]
