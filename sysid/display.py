@@ -20,11 +20,13 @@ _UNITS = {
     "N/m": (1e-3, "kN/m"),
     "N s/m": (1e-3, "kN s/m"),
     "N*s/m": (1e-3, "kN s/m"),
+    "rad/s": (180.0 / pi, "deg/s"),
+    "Pa": (1e-5, "bar"),
 }
 
 
 #: The same of channels: a speed of the truck, not of a damper.
-_CHANNEL_UNITS = {"m/s": (3.6, "km/h"), "rad/s": (180.0 / pi, "deg/s"), "Pa": (1e-5, "bar")}
+_CHANNEL_UNITS = {"m/s": (3.6, "km/h")}
 
 
 def channel_unit(si_unit: str) -> tuple[float, str]:

@@ -13,6 +13,7 @@ from sysid.bookkeeping.masses import mass_complaints
 from sysid.bookkeeping.measured import measured_values
 from sysid.bookkeeping.names import name_complaints
 from sysid.bookkeeping.places import place_complaints, runs_without_bump, second_passes
+from sysid.bookkeeping.pressures import pressure_complaints
 from sysid.bookkeeping.sensors import place_of_frame_sensors, sensor_complaints
 from sysid.bookkeeping.usual import BALANCED, MASSES, declared_values
 from sysid.bookkeeping.wheels import bump_complaints, filter_complaint, hop_frequencies, unsprung_exchanged
@@ -54,6 +55,7 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
     profiles: dict[str, RoadProfile] = {name: scan.profile for name, scan in scans.items()}
     runs, vehicle = campaign.bump_runs, campaign.vehicle
     said = name_complaints(read)
+    said += pressure_complaints(campaign)
     places = place_complaints(runs, passages, vehicle)
     said += [*places, *second_passes(runs, passages), *runs_without_bump(runs, passages)]
     said += _sentences(lambda: sensor_complaints(runs, vehicle))

@@ -25,7 +25,7 @@ def name_complaints(campaign: Campaign) -> list[str]:
             said.append(_sentence(run.log.file, f"the load case '{shorten(run.load_case)}'", f"'{shorten(other)}'"))
         speeds = [float(s) for s in _SPEED.findall(name)]
         listed = 3.6 * run.nominal_speed_m_s
-        if len(speeds) == 1 and abs(speeds[0] - listed) > 0.05 * listed:
+        if run.speed_listed and len(speeds) == 1 and abs(speeds[0] - listed) > 0.05 * listed:
             said.append(_sentence(run.log.file, f"{listed:.3g} km/h", f"{speeds[0]:g} km/h"))
     # One file may stand for several drops.
     return list(dict.fromkeys(said))

@@ -140,7 +140,8 @@ def _all_speeds(seen: Sequence[tuple[BumpRun, Passage]], vehicle: Vehicle) -> li
     ratios = []
     for run, passage in seen:
         speed = believed_speed(passage, vehicle)
-        if speed is not None:
+        # A speed that nobody listed is that of a sensor, whose factor is another matter.
+        if speed is not None and run.speed_listed:
             ratios.append(float(np.log(speed / run.nominal_speed_m_s)))
     # Those far off are named one by one; all of them off by the same share is one mistake.
     near = [r for r in ratios if abs(r) < 2.0 * DOUBTFUL]

@@ -207,7 +207,9 @@ class _TestReader:
             else:
                 index = lifted[0]
             axle = self.vehicle.vehicle.axles[index]
-            sensors_of.setdefault(index, []).append(_sensor(column, table, axle=index, body=axle.body, x_m=axle.x_m))
+            # A body turns alike everywhere, but for bending.
+            x_m = None if table.kind == "pitch_rate" else axle.x_m
+            sensors_of.setdefault(index, []).append(_sensor(column, table, axle=index, body=axle.body, x_m=x_m))
         if not sensors_of:
             raise CampaignError(
                 f"{self.file.name}: {key} has no sensor at its axle in [sensors.plank_drop]; name its column there."

@@ -21,9 +21,11 @@ from sysid.campaign.vehicle_records import LoadCase, Vehicle
 SpeedHeld = Literal["servo", "towed", "cruise", "free"]
 #: Bumps that are known by name.
 ShapeName = Literal["watts", "sinusoidal", "half_sine", "parabolic", "trapezoid", "points"]
-SensorKind = Literal[
+DeclaredKind = Literal[
     "suspension_deflection", "axle_acceleration", "body_acceleration", "pitch_rate", "speed", "air_pressure"
 ]
+#: Also what follows from a reading: the extension of a bellows, from its pressure.
+SensorKind = Literal[DeclaredKind, "bellows_extension"]
 #: What each kind measures, and the SI unit of its values in memory.
 KIND_DIMENSION: Mapping[SensorKind, Dimension] = {
     "suspension_deflection": "length",
@@ -32,6 +34,7 @@ KIND_DIMENSION: Mapping[SensorKind, Dimension] = {
     "pitch_rate": "angular rate",
     "speed": "speed",
     "air_pressure": "pressure",
+    "bellows_extension": "length",
 }
 _SI_UNITS: Mapping[Dimension, str] = {
     "length": "m",
@@ -40,7 +43,7 @@ _SI_UNITS: Mapping[Dimension, str] = {
     "speed": "m/s",
     "pressure": "Pa",
 }
-#: Kinds that are no vibration of the suspension: their readings may be slow, and may stand still for a whole record.
+#: Kinds whose readings may be slower than those of the others. Pitch rates that are not count as vibration.
 AUXILIARY_KINDS: frozenset[SensorKind] = frozenset({"pitch_rate", "speed", "air_pressure"})
 
 
@@ -123,7 +126,8 @@ class Channel:
 class Log:
     """One log file: its name relative to the campaign folder, its nominal sample interval [s] and its channels.
 
-    `channels` show the vibration of the truck; `auxiliary` are those of :data:`AUXILIARY_KINDS`, on clocks of any rate.
+    `channels` show the vibration of the truck; `auxiliary` are speeds, air pressures and slow pitch rates, on clocks of
+    any rate.
     `messages` are sentences about what was missing or repaired while reading.  `more_files` are logs of other loggers
     whose channels are here, or could not be used; `sync` holds stamps and readings of a signal that loggers share.
     `span_s` is the duration that counts where stamps were moved after reading: so the grid of a run stays.

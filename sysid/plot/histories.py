@@ -35,6 +35,8 @@ _KIND = {
     "suspension_deflection": "suspension deflection",
     "axle_acceleration": "acceleration",
     "body_acceleration": "body acceleration",
+    "pitch_rate": "pitch rate",
+    "bellows_extension": "extension of the bellows by its pressure",
 }
 
 
@@ -169,6 +171,7 @@ def channel_grid(history: RunHistory, columns: tuple[str, ...] | None = None, pe
 
 def _short_title(history: RunHistory, row: int) -> str:
     kind = {"suspension_deflection": "deflection", "axle_acceleration": "axle acc.", "body_acceleration": "body acc."}
+    kind |= {"pitch_rate": "pitch rate", "bellows_extension": "bellows"}
     axle = history.axles[row]
     place = "" if axle is None else f"axle {axle + 1} "
     return f"{place}{kind.get(history.kinds[row], history.kinds[row])} · {history.columns[row]}"

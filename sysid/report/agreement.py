@@ -19,6 +19,8 @@ _KINDS = {
     "suspension_deflection": "deflection",
     "axle_acceleration": "axle acceleration",
     "body_acceleration": "body acceleration",
+    "pitch_rate": "pitch rate",
+    "bellows_extension": "extension of bellows",
 }
 
 

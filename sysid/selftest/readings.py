@@ -23,7 +23,13 @@ BEFORE_S, AFTER_S = 1.2, 2.5
 #: Smallest length of a short record after that, if it is long enough for the passage [s].
 LEAST_AFTER_S = 0.3
 #: Noise of ordinary instruments [SI] where nothing better is known.
-NOISE = {"suspension_deflection": 2.5e-4, "axle_acceleration": 0.25, "body_acceleration": 0.15}
+NOISE = {
+    "suspension_deflection": 2.5e-4,
+    "bellows_extension": 1e-3,
+    "axle_acceleration": 0.25,
+    "body_acceleration": 0.15,
+    "pitch_rate": 2e-3,
+}
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,9 @@ from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.vehicle_model.beams import Beams, assemble_beams, unsprung_names
 from sysid.vehicle_model.bending import FrameMode, frame_modes
 
+#: Half of the length over which the slope of a bent frame is taken [m].
+_SLOPE_M = 1e-3
+
 
 @dataclass(frozen=True)
 class PlanarMatrices:
@@ -81,6 +84,15 @@ class PlanarMatrices:
         for frame, column in zip(self.frames, self.frame_columns, strict=True):
             if frame.body == body:
                 row = row + frame.rise(x_m) * np.eye(row.size)[column]
+        return np.asarray(row)
+
+    def body_turn(self, body: int, x_m: float | None) -> np.ndarray:
+        """Row (nb,) that gives the rotation of `body`, nose up, at `x_m` of a frame that bends."""
+        row = self.pitch_rows[body]
+        for frame, column in zip(self.frames, self.frame_columns, strict=True):
+            if frame.body == body and x_m is not None:
+                slope = (frame.rise(x_m + _SLOPE_M) - frame.rise(x_m - _SLOPE_M)) / (2.0 * _SLOPE_M)
+                row = row - slope * np.eye(row.size)[column]
         return np.asarray(row)
 
 

@@ -152,11 +152,17 @@ def load_case_matrices(
 
 
 def pass_matrices(
-    matrices: Mapping[str, PlanarMatrices], passes: Sequence[Pass], body_points: list[tuple[int, float]]
+    matrices: Mapping[str, PlanarMatrices],
+    passes: Sequence[Pass],
+    body_points: list[tuple[int, float]],
+    rate_points: Sequence[tuple[int, float | None]] = (),
 ) -> StackedMatrices:
-    """Matrices of several passes from those of their load cases; `body_points` (body, x_m) have accelerometers."""
+    """Matrices of several passes from those of their load cases.
+
+    Accelerometers are at `body_points` (body, x_m), sensors of pitch rate at `rate_points`.
+    """
     hold_s = [HOLD_S[p.speed_held] if p.hold_s is None else p.hold_s for p in passes]
-    return stack_matrices([matrices[p.load_case] for p in passes], body_points, hold_s)
+    return stack_matrices([matrices[p.load_case] for p in passes], body_points, hold_s, rate_points)
 
 
 def make_pass_batch(
@@ -165,11 +171,12 @@ def make_pass_batch(
     roads: EffectiveRoads,
     passes: Sequence[Pass],
     body_points: list[tuple[int, float]],
+    rate_points: Sequence[tuple[int, float | None]] = (),
 ) -> PassBatch:
-    """The batch of several passes, with body accelerometers at (body, x_m) `body_points`."""
+    """The batch of several passes; body accelerometers at (body, x_m) `body_points`, pitch rates at `rate_points`."""
     first = next(iter(load_cases.values()))
     return PassBatch(
-        matrices=pass_matrices(load_case_matrices(vehicle, load_cases, passes), passes, body_points),
+        matrices=pass_matrices(load_case_matrices(vehicle, load_cases, passes), passes, body_points, rate_points),
         road=roads.stacked(passes),
         axle_x=np.array([a.x_m for a in vehicle.axles])[:, None],
         reference_load=np.tile(np.array(first.axle_loads_kg)[:, None] * vehicle.gravity_m_s2, (len(passes), 1, 1)),

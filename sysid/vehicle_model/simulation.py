@@ -70,7 +70,10 @@ class _State(NamedTuple):
 
 
 class _Forces(NamedTuple):
-    """Forces and accelerations of one stage; `axle_acceleration`, `extension` and `rate` at unsprung coordinates."""
+    """Forces and accelerations of one stage; `axle_acceleration`, `extension` and `rate` at unsprung coordinates.
+
+    `body_rate` are the rates of the body coordinates in that stage.
+    """
 
     body_acceleration: jax.Array
     axle_acceleration: AxleHistories
@@ -79,6 +82,7 @@ class _Forces(NamedTuple):
     pull: jax.Array
     extension: jax.Array
     rate: jax.Array
+    body_rate: jax.Array
 
 
 def _forces(
@@ -120,7 +124,7 @@ def _forces(
         straightening = suspension.frames.stiffness * amplitude + suspension.frames.damping * swing
         body = body + jnp.matmul(matrices.frames.push, straightening)
     axle = _unsprung_acceleration(matrices, vertical - matrices.static_load, pull)
-    return _Forces(body, axle, unclipped, horizontal, pull, extension, rate)
+    return _Forces(body, axle, unclipped, horizontal, pull, extension, rate, state.body_rate)
 
 
 def _at_wheels(matrices: StackedMatrices, motion: jax.Array) -> jax.Array:
@@ -269,13 +273,22 @@ def _missed_by_stages(
 
 
 def _observe(matrices: StackedMatrices, layout: SensorLayout, forces: _Forces) -> jax.Array:
-    """Signals at the sensors (R, channels, S): deflections, axle accelerations, body accelerations."""
+    """Signals at the sensors (R, channels, S): deflections, axle accelerations, body accelerations, pitch rates."""
     parts = [
         _at_wheels(matrices, forces.extension)[:, np.array(layout.deflection_axles, int)],
         _at_wheels(matrices, forces.axle_acceleration)[:, np.array(layout.acceleration_axles, int)],
         jnp.matmul(matrices.body_rows, forces.body_acceleration),
     ]
+    if matrices.rate_rows is not None:
+        parts.append(jnp.matmul(matrices.rate_rows, forces.body_rate))
     return jnp.concatenate(parts, axis=1)
+
+
+def observed(layout: SensorLayout, matrices: StackedMatrices) -> int:
+    """Number of the signals that are observed."""
+    rates = 0 if matrices.rate_rows is None else matrices.rate_rows.shape[1]
+    axles = len(layout.deflection_axles) + len(layout.acceleration_axles)
+    return axles + int(matrices.body_rows.shape[1]) + rates
 
 
 def _step_slices(road: RoadInput, steps: int) -> RoadInput:
@@ -327,13 +340,13 @@ def simulate_sensors(
 
     Returns
     -------
-    (T, R, C, S) deflections [m] and accelerations [m/s2], starting from static equilibrium at time zero.
+    (T, R, C, S) deflections [m], accelerations [m/s2] and pitch rates [rad/s], from static equilibrium at time zero.
     """
     samples = (road.rise.shape[0] - 1) // (2 * substeps)
     h = interval_s / substeps
     sets = suspension.stiffness.shape[-1]
     state = _start(matrices, suspension)
-    channels = len(layout.deflection_axles) + len(layout.acceleration_axles) + matrices.body_rows.shape[1]
+    channels = observed(layout, matrices)
     memory = filter_memory(recursion, (matrices.static_load.shape[0], channels, sets))
 
     def body(

@@ -51,7 +51,8 @@ class StackedMatrices(NamedTuple):
     - `body_rows` (R, nr, nb): vertical motion at the body accelerometers;
     - `beams` for vehicles with axle groups, else None;
     - `sharing` (R, na, na) means over the axles that every rocker joins, None without rockers;
-    - `frames` where frames bend, else None.
+    - `frames` where frames bend, else None;
+    - `rate_rows` (R, nv, nb): rotation at the pitch-rate sensors, None without them.
     """
 
     position: np.ndarray
@@ -64,12 +65,16 @@ class StackedMatrices(NamedTuple):
     beams: StackedBeams | None = None
     sharing: np.ndarray | None = None
     frames: StackedFrames | None = None
+    rate_rows: np.ndarray | None = None
 
 
 def stack_matrices(
-    matrices: list[PlanarMatrices], body_sensors: list[tuple[int, float]], hold_s: Sequence[float] | None = None
+    matrices: list[PlanarMatrices],
+    body_sensors: list[tuple[int, float]],
+    hold_s: Sequence[float] | None = None,
+    rate_sensors: Sequence[tuple[int, float | None]] = (),
 ) -> StackedMatrices:
-    """Stack the matrices of R runs, with one row per body accelerometer given as (body, x_m).
+    """Stack the matrices of R runs, with one row per body accelerometer, and per sensor of pitch rate, as (body, x_m).
 
     `hold_s` is the time constant T [s] with which each run's driving force holds the speed, infinite for none; None
     takes :data:`SPEED_HOLD_S` for all.
@@ -93,6 +98,9 @@ def stack_matrices(
         beams=_stack_beams(matrices),
         sharing=_stack_sharing(matrices),
         frames=_stack_frames(matrices),
+        rate_rows=np.array([[m.body_turn(*sensor) for sensor in rate_sensors] for m in matrices])
+        if rate_sensors
+        else None,
     )
 
 

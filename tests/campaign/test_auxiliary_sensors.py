@@ -81,21 +81,22 @@ def test_every_new_kind_is_read_in_si_and_shown_by_the_check(small):
         log=log(v=22.369362920544, p=6.0, w=[90.0 if i == 100 else 0.01 * (i % 3) for i in range(200)]),
     )
     (run,) = read_campaign(file).bump_runs
-    assert [c.sensor.kind for c in run.log.channels] == ["suspension_deflection", "axle_acceleration"]
-    speed, pressure, rate = run.log.auxiliary
+    assert [c.sensor.kind for c in run.log.channels] == ["suspension_deflection", "axle_acceleration", "pitch_rate"]
+    speed, pressure = run.log.auxiliary
+    rate = run.log.channels[2]
     assert speed.value[0] == pytest.approx(10.0, rel=1e-9)
     assert pressure.value[0] == pytest.approx(6e5, rel=1e-12)
     assert (pressure.sensor.axle, pressure.sensor.area_m2) == (1, 0.08)
     assert rate.value[100] == pytest.approx(-np.pi / 2, rel=1e-12)
     cleaned, report = check_quality(read_campaign(file))
-    assert len(cleaned.bump_runs[0].log.auxiliary) == 3
+    assert len(cleaned.bump_runs[0].log.auxiliary) == 2
     found = {f.column: f for f in report.channels}
-    assert [found[c].verdict for c in "vpw"] == ["good", "good", "good"]
+    assert [found[c].verdict for c in "vp"] == ["good", "good"]
+    assert found["w"].si_unit == "rad/s"
     assert found["p"].rest_level == pytest.approx(6e5)
     # Nothing is dropped in silence.
     assert report.logged_speeds_m_s == pytest.approx({"run.csv": 10.0})
-    for column in "pw":
-        assert any(f"'{column}'" in message for message in report.messages), column
+    assert any("'p'" in message for message in report.messages)
 
 
 def test_slow_sensors_leave_the_sample_interval_alone(small):
@@ -219,3 +220,19 @@ def test_what_the_campaign_says_of_the_test(small):
 @pytest.mark.parametrize("folder", ["data", "examples/linear_truck"])
 def test_the_shipped_campaigns_say_that_they_are_synthetic(folder):
     assert read_campaign(Path(__file__).parents[2] / folder, planned=True).details.synthetic
+
+
+@pytest.mark.parametrize(("clock", "known"), [("shared", True), ("per_log", False), ("continuous", False)])
+def test_a_logger_of_speed_alone_needs_a_shared_clock(small, clock, known):
+    """A GPS that runs beside the logger: its readings say nothing of when the truck meets the bump."""
+    loggers = f'[[logger]]\nname = "main"\n\n[[logger]]\nname = "gps"\nclock = "{clock}"\n\n[sensors.bump_run]'
+    sensors = with_sensors('v = { kind = "speed", unit = "km/h", logger = "gps" }')
+    files = 'file = "run.csv"', 'files = { main = "run.csv", gps = "gps.csv" }'
+    toml = small(("[sensors.bump_run]", loggers), sensors, files, log=log())
+    rows = "".join(f"{0.1 * i:.1f},36\n" for i in range(20))
+    (toml.parent / "gps.csv").write_text(f"time_s,v\n{rows}", encoding="utf-8")
+    campaign = read_campaign(toml)
+    (run,) = campaign.bump_runs
+    assert [c.sensor.kind for c in run.log.auxiliary] == (["speed"] if known else [])
+    assert run.log.sample_interval_s == 0.01
+    assert any("cannot be compared" in c.complaint for c in campaign.clocks) is not known

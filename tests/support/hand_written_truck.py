@@ -133,6 +133,7 @@ class Truck:
             "body": np.array([xi_acceleration, z_acceleration, theta_acceleration]),
             "axle_acceleration": (vertical - self.static + pull) / UNSPRUNG,
             "body_acceleration": points,
+            "pitch_rate": np.array([theta_rate]),
             "tire_force": vertical,
             "horizontal_force": push,
             "deflection": extension,

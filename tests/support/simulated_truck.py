@@ -50,10 +50,12 @@ def simulated_truck(
     vehicle: Vehicle = VEHICLE,
     load: LoadCase = EMPTY,
     heights_m: tuple[float, float] = HEIGHTS_M,
+    rate_sensors: tuple[tuple[int, float | None], ...] = (),
 ):
     """The package's own simulation of both bumps with steps of `step_s`; linear suspensions unless `law` is given."""
     suspension = law or SuspensionLaw(per_axle(STIFFNESS), per_axle(DAMPING))
-    model = truck_model(step_s, filtered=filtered, vehicle=vehicle, load=load, heights_m=heights_m)
+    shown = {"filtered": filtered, "rate_sensors": rate_sensors}
+    model = truck_model(step_s, vehicle=vehicle, load=load, heights_m=heights_m, **shown)
     return model(suspension, speed_m_s, acceleration_m_s2)
 
 
@@ -66,10 +68,11 @@ def truck_model(
     vehicle: Vehicle = VEHICLE,
     load: LoadCase = EMPTY,
     heights_m: tuple[float, float] = HEIGHTS_M,
+    rate_sensors: tuple[tuple[int, float | None], ...] = (),
 ):
     """The simulation as a function of suspension law, speed [m/s] and acceleration [m/s2]."""
     matrices = assemble(vehicle, load)
-    stacked = stack_matrices([matrices] * 2, [(0, x) for x in POINTS_M])
+    stacked = stack_matrices([matrices] * 2, [(0, x) for x in POINTS_M], rate_sensors=rate_sensors)
     station = np.arange(-250, 300) * 0.01
     rises = np.tile(road(station), (2, 3, 1)) * np.array(heights_m)[:, None, None]
     shape = np.tile(road(station), (2, 3, 1))

@@ -68,13 +68,13 @@ def on_common_clock(
     for logger in loggers[1:]:
         of_runs = [(r, logs[logger.name]) for r, logs in enumerate(others) if logger.name in logs]
         for r, log in of_runs:
-            if log.duration_s == 0.0 or runs[r].log.duration_s == 0.0:
+            if _is_planned(log) or _is_planned(runs[r].log):
                 # A planned log has no clock yet.
                 joined[r] = _joined(joined[r], log, _as_declared(runs[r], log, logger))
         lags = [
             _measured_lag(r, runs[r], log, logger, vehicle)
             for r, log in of_runs
-            if log.duration_s > 0.0 and runs[r].log.duration_s > 0.0
+            if not (_is_planned(log) or _is_planned(runs[r].log))
         ]
         settled = (
             _continuous_clock(lags, logger, runs)
@@ -95,6 +95,9 @@ def _measured_lag(r: int, run: BumpRun, log: Log, logger: Logger, vehicle: Vehic
         lag = sync_lag(run.log.sync, log.sync, (middle - reach, middle + reach))
         if lag is not None:
             return _RunLag(r, log, apart, lag, "sync")
+    if not log.channels or not run.log.channels:
+        # A speed or a pressure alone does not show when the truck meets the bump.
+        return _RunLag(r, log, apart, None, "declared")
     first, second = (tuple(s for c in x.channels if (s := screened(c, x.channels)) is not None) for x in (run.log, log))
     by_arrivals = arrival_lag(first, second, vehicle, run)
     near = None
@@ -293,6 +296,11 @@ def _joined(run: BumpRun, other: Log, finding: ClockFinding) -> BumpRun:
             messages=tuple(said),
         ),
     )
+
+
+def _is_planned(log: Log) -> bool:
+    """Whether a log is still to be recorded: one blank reading of every sensor."""
+    return all(c.time_s.size < 2 for c in (*log.channels, *log.auxiliary))
 
 
 def _first_stamp(log: Log) -> float:

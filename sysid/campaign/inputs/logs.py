@@ -22,6 +22,7 @@ from sysid.logs.text_table import file_content, near_names
 from sysid.wording import shorten
 
 _SUGGESTED = 10  # missing columns for which a near name is looked for
+_AS_FAST = 1.05  # steps of a pitch rate that count as no longer than those of the others
 CLIP_TOLERANCE = 1e-4  # of full scale: rounding of the written digits
 
 
@@ -123,8 +124,14 @@ def make_log(file: str, sample_interval_s: float, channels: Iterable[Channel], *
     """A log with channels of any kind, `more` as in :class:`Log`."""
     parts: tuple[list[Channel], list[Channel]] = ([], [])
     for channel in channels:
-        parts[channel.sensor.kind in AUXILIARY_KINDS].append(channel)
+        parts[_is_auxiliary(channel, sample_interval_s)].append(channel)
     return Log(file, sample_interval_s, tuple(parts[False]), auxiliary=tuple(parts[True]), **more)
+
+
+def _is_auxiliary(channel: Channel, sample_interval_s: float) -> bool:
+    if channel.sensor.kind == "pitch_rate" and channel.time_s.size > 1:
+        return float(np.median(np.diff(channel.time_s))) > _AS_FAST * sample_interval_s
+    return channel.sensor.kind in AUXILIARY_KINDS - {"pitch_rate"}
 
 
 def _missing(columns: Sequence[str], known: dict[str, RawChannel], content: LogContent, name: str) -> list[str]:

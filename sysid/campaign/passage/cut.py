@@ -58,7 +58,10 @@ def _cut(run: BumpRun, vehicle: Vehicle) -> BumpRun:
     moved = {key: time[kept[key]] - begin for key, time in stamps.items()}
     channels = tuple(_only(c, kept[id(c.time_s)], moved[id(c.time_s)]) for c in log.channels)
     seen = tuple(c for c in channels if np.isfinite(c.value).any())
-    return replace(run, log=replace(log, channels=seen, start_time_s=log.start_time_s + begin, span_s=None))
+    others = tuple(replace(c, time_s=c.time_s - begin) for c in log.auxiliary)
+    return replace(
+        run, log=replace(log, channels=seen, auxiliary=others, start_time_s=log.start_time_s + begin, span_s=None)
+    )
 
 
 def _only(channel: Channel, kept: np.ndarray, time_s: np.ndarray) -> Channel:

@@ -15,8 +15,10 @@ from sysid.campaign.passage.speed import speed_complaint
 from sysid.campaign.passage.speed_sensors import with_logged_speeds
 from sysid.campaign.quality import defects
 from sysid.campaign.quality.auxiliary import check_auxiliary
+from sysid.campaign.quality.bellows import with_bellows
 from sysid.campaign.quality.copies import copied_columns, copied_logs
 from sysid.campaign.quality.exchanges import Suspicion
+from sysid.campaign.quality.pitch_rates import pitch_rate_suspicions
 from sysid.campaign.quality.suspects import axles_shown_falling, suspicions
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop
 from sysid.campaign.vehicle_records import Vehicle
@@ -35,7 +37,7 @@ NO_RESPONSE = 0.01
 # Assumptions: what is beyond them is worth a look, and none of them decides an estimate.
 NOISY = 0.2  # noise rms over peak
 SPIKY_SHARE = 0.02  # of the samples: more spikes than that are a loose connection
-_USED = ("speed",)  # auxiliary kinds that estimates use
+_USED = ("speed", "air_pressure")  # auxiliary kinds that estimates use
 _NAMED = 10  # columns that one sentence names
 HOP_HZ, HIDES_S = 15.0, 0.3  # a pause that may hide all that a channel shows of a bump: some cycles of wheel hop
 JITTER_SHARE = 0.2  # of the step between stamps
@@ -101,7 +103,8 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
     messages += [*say_once(of_logs), *copied_logs(tests), *_rejections(findings), *_not_yet_used(tests)]
     cleaned = replace(campaign, plank_drops=tuple(drops), bump_runs=tuple(runs))
     logged = with_logged_speeds(cleaned)
-    messages += logged.messages
+    cleaned, of_bellows = with_bellows(logged.campaign)
+    messages += (*logged.messages, *of_bellows)
     report = QualityReport(
         tuple(findings),
         tuple(messages),
@@ -110,7 +113,7 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
         speed_sensors=logged.sensors,
         logged_speeds_m_s=logged.logged_m_s or {},
     )
-    return logged.campaign, report
+    return cleaned, report
 
 
 def quality_table(report: QualityReport) -> pd.DataFrame:
@@ -323,9 +326,12 @@ def _judge_together(
                 f"its level at the end differs by {shifted / sensor.unit_in_si:.3g} {sensor.unit} from that at the "
                 "start: the sensor drifts, or its mount has slipped; check it, its readings are used."
             )
-    suspected = suspicions(log, [item.channel for item in alive], vehicle, rests, bump_speed, falling)
+    channels = [item.channel for item in alive]
+    suspected = suspicions(log, channels, vehicle, rests, bump_speed, falling)
+    of_rates = pitch_rate_suspicions(log, channels, vehicle, frozenset(suspected))
     for item in alive:
-        for suspicion in suspected.get(item.channel.sensor.column, ()):
+        column = item.channel.sensor.column
+        for suspicion in (*suspected.get(column, ()), *of_rates.get(column, ())):
             _add_suspicion(item, suspicion)
 
 
@@ -390,7 +396,8 @@ def _not_yet_used(tests: Sequence[PlankDrop | BumpRun]) -> list[str]:
     for channel in (c for test in tests for c in test.log.auxiliary if c.sensor.kind not in _USED):
         columns.setdefault(channel.sensor.kind.replace("_", " "), {})[f"'{shorten(channel.sensor.column)}'"] = None
     return [
-        f"The {kind} of {', '.join(list(names)[:_NAMED])} is read and checked, but estimates do not use it yet."
+        f"The {kind} of {', '.join(list(names)[:_NAMED])} is read and checked, but estimates do not use it"
+        f"{': it is sampled more slowly than the other sensors' if kind == 'pitch rate' else ''}."
         for kind, names in columns.items()
     ]
 

@@ -25,6 +25,7 @@ _PLAUSIBLE = {
     "suspension_deflection": (1e-3, 0.5),
     "axle_acceleration": (0.2, 600.0),
     "body_acceleration": (0.05, 300.0),
+    "pitch_rate": (1e-3, 12.0),
 }
 # Mixing up g and m/s^2 or mm and m is common, the rest is not.
 _UNIT_COST: dict[str | None, float] = {

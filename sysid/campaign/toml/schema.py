@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, StrictBool, StrictStr, model_validator
 
 from sysid import limits
-from sysid.campaign.records import KIND_DIMENSION, BumpShape, SensorKind
+from sysid.campaign.records import KIND_DIMENSION, BumpShape, DeclaredKind
 from sysid.campaign.requests import shape_fault
 from sysid.campaign.toml.schema_fields import (
     TEXT_LENGTH,
@@ -69,7 +69,7 @@ class AcquisitionTable(LogTable):
 
 
 class _SensorTable(Table):
-    kind: SensorKind | None = None
+    kind: DeclaredKind | None = None
     unit: SensorUnit | None = None
     range: Positive | None = None
     side: Literal["left", "right"] | None = None

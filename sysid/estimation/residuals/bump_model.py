@@ -36,7 +36,13 @@ from sysid.vehicle_model.simulation import SensorLayout
 from sysid.vehicle_model.stacked_matrices import StackedMatrices
 
 #: Standard deviation of a sensor's gain about its calibration: assumptions, no data sheet stands behind them.
-GAIN_SD = {"suspension_deflection": 0.005, "axle_acceleration": 0.01, "body_acceleration": 0.01}
+GAIN_SD = {
+    "suspension_deflection": 0.005,
+    "bellows_extension": 0.5,  # from 0.12 to 0.5 m of height: its gain is not known
+    "axle_acceleration": 0.01,
+    "body_acceleration": 0.01,
+    "pitch_rate": 0.01,
+}
 #: Largest integration step; what halving it changes is checked at the optimum.
 TARGET_STEP_S = 0.00125
 
@@ -133,7 +139,7 @@ class BumpModel:
         arrays, batches = [], []
         of_load_cases = load_case_matrices(vehicle, load_cases, (p for passes in self.passes for p in passes))
         for old, batch, passes in zip(self.arrays, self.batches, self.passes, strict=True):
-            matrices = pass_matrices(of_load_cases, passes, self.layout.body_points)
+            matrices = pass_matrices(of_load_cases, passes, self.layout.body_points, self.layout.rate_points)
             batch = replace(batch, matrices=matrices)
             laws = law_inputs(vehicle, self.parameters, batch, [p.load_case for p in passes])
             arrays.append(old._replace(matrices=matrices, laws=laws))
@@ -179,7 +185,9 @@ def bump_model(
     for group in groups:
         runs = [campaign.bump_runs[i] for i in group.runs]
         passes = tuple(Pass(r.load_case, r.bump, r.speed_held) for r in runs)
-        batch = make_pass_batch(campaign.vehicle, campaign.load_cases, felt, passes, layout.body_points)
+        batch = make_pass_batch(
+            campaign.vehicle, campaign.load_cases, felt, passes, layout.body_points, layout.rate_points
+        )
         group_passes.append(passes)
         substeps = max(1, int(np.ceil(group.interval_s / target_step_s - 1e-9)))
         shapes.append(

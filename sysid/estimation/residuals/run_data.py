@@ -24,15 +24,15 @@ _WASTE = 0.15
 class ChannelLayout:
     """Sensors of all bump runs in the order of the simulated channels.
 
-    Deflections first, then axle accelerations, then body accelerations; `sensors` (channels,).
+    Deflections first, also those of bellows, then accelerations of axles and bodies, and pitch rates; `sensors` (C,).
     """
 
     sensors: tuple[Sensor, ...]
 
     @property
     def deflection_axles(self) -> tuple[int, ...]:
-        """Axle index of each deflection channel."""
-        return tuple(s.axle for s in self.sensors if s.kind == "suspension_deflection" and s.axle is not None)
+        """Axle index of each deflection channel, by a sensor of its own or by a bellows."""
+        return tuple(s.axle for s in self.sensors if s.kind in _KIND_ORDER[:2] and s.axle is not None)
 
     @property
     def acceleration_axles(self) -> tuple[int, ...]:
@@ -43,6 +43,11 @@ class ChannelLayout:
     def body_points(self) -> list[tuple[int, float]]:
         """Body index and x [m] of each body-acceleration channel."""
         return [(int(s.body or 0), float(s.x_m or 0.0)) for s in self.sensors if s.kind == "body_acceleration"]
+
+    @property
+    def rate_points(self) -> list[tuple[int, float | None]]:
+        """Body index and x [m], if known, of each pitch-rate channel."""
+        return [(int(s.body or 0), s.x_m) for s in self.sensors if s.kind == "pitch_rate"]
 
 
 @dataclass(frozen=True)
@@ -65,7 +70,7 @@ class RunGroup:
         return int(self.value.shape[0])
 
 
-_KIND_ORDER = ("suspension_deflection", "axle_acceleration", "body_acceleration")
+_KIND_ORDER = ("suspension_deflection", "bellows_extension", "axle_acceleration", "body_acceleration", "pitch_rate")
 
 
 def channel_layout(runs: tuple[BumpRun, ...]) -> ChannelLayout:

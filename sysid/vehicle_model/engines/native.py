@@ -26,7 +26,7 @@ from sysid.vehicle_model.native import kernel
 from sysid.vehicle_model.native.buffers import COORDINATES, MAX_AXLES, POLE_NUMBERS, law_rows
 from sysid.vehicle_model.native.kernel import Call
 from sysid.vehicle_model.readings import Readings
-from sysid.vehicle_model.simulation import Histories, SensorLayout
+from sysid.vehicle_model.simulation import Histories, SensorLayout, observed
 from sysid.vehicle_model.stacked_matrices import StackedMatrices
 from sysid.vehicle_model.suspension import ELEMENT_FIELDS, Ramps, SuspensionLaw
 
@@ -151,10 +151,11 @@ def _call(
         "R": runs,
         "S": sets,
         "T": timing.samples,
-        "C": len(layout.deflection_axles) + len(layout.acceleration_axles) + matrices.body_rows.shape[1],
+        "C": observed(layout, matrices),
         "na": axles,
         "nb": matrices.body_rows.shape[2],
         "nr": matrices.body_rows.shape[1],
+        "nv": 0 if matrices.rate_rows is None else matrices.rate_rows.shape[1],
         "n": arrays["rise"].shape[2],
         "nf": 0 if matrices.frames is None else matrices.frames.select.shape[1],
         "L": rows,
@@ -183,6 +184,7 @@ def _matrix_arrays(matrices: StackedMatrices) -> dict[str, Any]:
     return (
         {name: getattr(matrices, name) for name in names}
         | dict(zip(("wheel", "tire_push", "beam_pull", "carries"), beams, strict=True))
+        | {"rate_rows": _NOTHING if matrices.rate_rows is None else matrices.rate_rows}
         | {"sharing": _NOTHING if matrices.sharing is None else matrices.sharing}
         | dict(zip(("frame_select", "frame_push"), matrices.frames or (_NOTHING,) * 2, strict=True))
     )

@@ -3,9 +3,9 @@
 The C++ side is compiled with a header made from this description (:mod:`sysid.vehicle_model.native.header`), the Python
 side checks every call against it.
 
-Symbols of shapes: R runs, S parameter sets, T samples, C channels, na axles, nb body coordinates, nr body sensors, n
-stations of the road, nf bending frames, L rows of the laws, J ramps, P unknowns, `poles` of the filter. All arrays hold
-64-bit floats.
+Symbols of shapes: R runs, S parameter sets, T samples, C channels, na axles, nb body coordinates, nr body sensors, nv
+sensors of pitch rate, n stations of the road, nf bending frames, L rows of the laws, J ramps, P unknowns, `poles` of
+the filter. All arrays hold 64-bit floats.
 """
 
 from __future__ import annotations
@@ -86,6 +86,7 @@ BLOCKS: dict[str, tuple[Buffer, ...]] = {
         Buffer("inverse_unsprung", ("R", "na", 1), "of StackedMatrices"),
         Buffer("static_load", ("R", "na", 1), "of StackedMatrices"),
         Buffer("body_rows", ("R", "nr", "nb"), "of StackedMatrices"),
+        Buffer("rate_rows", ("R", "nv", "nb"), "of StackedMatrices, empty without sensors of pitch rate", True),
         Buffer("rise", ("R", "na", "n"), "of EffectiveRoad"),
         Buffer("stretch", (STRETCH_ROWS, "R", "na", "n"), "of EffectiveRoad, empty for a point follower", True),
         Buffer("drag", (DRAG_ROWS, "R", "na", "n"), "of EffectiveRoad, empty for a point follower", True),

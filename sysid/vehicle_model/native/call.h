@@ -68,6 +68,7 @@ class Inputs {
     channels.deflection = listed(settings.deflection_axles);
     channels.acceleration = listed(settings.acceleration_axles);
     channels.body = static_cast<int>(body_sensors);
+    channels.rate = arrays_[kRateRows].count() > 0 ? static_cast<int>(shape(kRateRows)[1]) : 0;
     filter.direct = 0.0;
     for (int64_t k = 0; k < shape(kFilter)[0]; ++k) {
       const double* p = data(kFilter) + kPoleNumbers * k;
@@ -270,6 +271,7 @@ class Inputs {
     run.inverse_unsprung = matrix(kInverseUnsprung, axles);
     run.static_load = matrix(kStaticLoad, axles);
     run.body_rows = matrix(kBodyRows, body_sensors * coordinates);
+    if (channels.rate > 0) run.rate_rows = matrix(kRateRows, channels.rate * coordinates);
     run.axle_x = data(kAxleX);
     if (arrays_[kWheel].count() > 0)
       run.beams = {matrix(kWheel, axles * axles), matrix(kTirePush, axles * axles), matrix(kBeamPull, axles * axles),

@@ -11,15 +11,16 @@ namespace sysid {
 
 // ------------------------------------------------------------------------------------------------- sensors and filter
 
-// Signals in the order of the channels: deflections, axle accelerations, body accelerations.
+// Signals in the order of the channels: deflections, axle accelerations, body accelerations, pitch rates.
 struct Channels {
   std::vector<int> deflection, acceleration;
-  int body;
-  int count() const { return static_cast<int>(deflection.size() + acceleration.size()) + body; }
+  int body, rate;
+  int count() const { return static_cast<int>(deflection.size() + acceleration.size()) + body + rate; }
 };
 
 template <int NB, class V, class M>
-void observe(const Run<M>& run, const Channels& channels, const V* extension, const V* axle, const V* body, V* signal) {
+void observe(const Run<M>& run, const Channels& channels, const V* extension, const V* axle, const V* body,
+             const V* body_rate, V* signal) {
   V above[kMaxAxles], wheel[kMaxAxles];
   if (run.beams.wheel != nullptr) {
     transform(run.beams.wheel, run.axles, extension, above);
@@ -33,6 +34,12 @@ void observe(const Run<M>& run, const Channels& channels, const V* extension, co
     const M* row = run.body_rows + k * NB;
     V sum{};
     for (int j = 0; j < NB; ++j) accumulate(sum, row[j], body[j]);
+    *signal++ = sum;
+  }
+  for (int k = 0; k < channels.rate; ++k) {
+    const M* row = run.rate_rows + k * NB;
+    V sum{};
+    for (int j = 0; j < NB; ++j) accumulate(sum, row[j], body_rate[j]);
     *signal++ = sum;
   }
 }
@@ -182,7 +189,7 @@ class Step {
 
   // What the sensors feel at the start.
   void observe_start(V* signal) const {
-    observe<NB>(run_, channels_, stage_[0].extension, stage_[0].axle, stage_[0].body, signal);
+    observe<NB>(run_, channels_, stage_[0].extension, stage_[0].axle, stage_[0].body, stage_[0].body_rate, signal);
   }
 
   // What they feel in the middle, for the filter, known after `finish`. At a corner the filter's quadratic through start,
@@ -198,8 +205,9 @@ class Step {
     for (int j = 0; j < NB; ++j) {
       middle.body[j] = 0.5 * (second.body[j] + third.body[j]);
       if (missed_.at_bodies) middle.body[j] += 1.5 * missed_.body[j];
+      if (channels_.rate > 0) middle.body_rate[j] = 0.5 * (second.body_rate[j] + third.body_rate[j]);
     }
-    observe<NB>(run_, channels_, middle.axle, middle.axle_rate, middle.body, signal);
+    observe<NB>(run_, channels_, middle.axle, middle.axle_rate, middle.body, middle.body_rate, signal);
   }
 
  private:

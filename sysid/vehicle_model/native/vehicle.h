@@ -46,11 +46,12 @@ struct MotionChange {
   V speed, start, acceleration;
 };
 
-// Constants of one run or of several (matrices as in StackedMatrices): na axles, nr body sensors.
+// Constants of one run or of several (matrices as in StackedMatrices): na axles, nr body sensors; `rate_rows` null
+// without sensors of pitch rate.
 template <class M>
 struct Run {
   int axles, body_sensors;
-  const M *position, *rate, *acceleration, *inverse_unsprung, *static_load, *body_rows;
+  const M *position, *rate, *acceleration, *inverse_unsprung, *static_load, *body_rows, *rate_rows = nullptr;
   const double* axle_x;
   Beams<M> beams;
   const M* sharing = nullptr;  // (na, na) means over the axles of every rocker, null without rockers
@@ -86,10 +87,11 @@ struct State {
   V axle[kMaxAxles], axle_rate[kMaxAxles], slip[kMaxAxles];
 };
 
-// Accelerations and forces of one stage; extension and its rate at unsprung coordinates.
+// Accelerations and forces of one stage; extension and its rate at unsprung coordinates; rates of the body where they are
+// observed.
 template <class V, int NB>
 struct Forces {
-  V body[NB];
+  V body[NB], body_rate[NB];
   V axle[kMaxAxles], unclipped[kMaxAxles], horizontal[kMaxAxles], pull[kMaxAxles], extension[kMaxAxles],
       rate[kMaxAxles], damper[kMaxAxles];  // the last: of the symmetric damper
 };
@@ -282,6 +284,8 @@ void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, dou
             const V* slip, const StageOfStep<V>* stage, Forces<V, NB>& out) {
   const int na = run.axles;
   const bool beams = run.beams.wheel != nullptr;
+  if (run.rate_rows != nullptr)
+    for (int j = 0; j < NB; ++j) out.body_rate[j] = state.body_rate[j];
   Wheels<V> wheel;
   wheel.rise = state.axle;
   wheel.rise_rate = state.axle_rate;
