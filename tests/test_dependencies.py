@@ -17,14 +17,19 @@ DISTRIBUTION = {"sksundae": "scikit-sundae", "can": "python-can"}
 #: Declared, and never imported by name: who loads them.
 LOADED_BY_OTHERS = {
     "auditwheel": "command",
+    "cyclonedx-bom": "command",
     "h5netcdf": "xarray, to write netCDF",
     "ipykernel": "nbclient, to run notebooks",
     "mkdocs-material": "mkdocs",
     "mkdocstrings": "mkdocs",
     "mypy": "command",
+    "pip-audit": "command",
+    "pip-licenses": "command",
     "pandas-stubs": "mypy",
     "pytest-xdist": "pytest",
     "ruff": "command",
+    "setuptools": "pip, to install the package",
+    "uv": "command",
     "wheel": "command",
     "ziglang": "command",
 }

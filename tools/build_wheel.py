@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import os
 import platform
 import shutil
 import subprocess
@@ -23,6 +24,8 @@ from sysid.vehicle_model.native.prebuilt import FOLDER, LIST
 ROOT = Path(__file__).resolve().parents[1]
 #: Every Linux that a jaxlib is made for has it.
 GLIBC = "2.17"
+#: Time of the files in a wheel [s since 1970]: the first that a ZIP archive can hold, a day later.
+TIME = "315619200"
 ZIG = (sys.executable, "-m", "ziglang", "c++")
 #: Builds by the architecture of this machine, with Zig's names of the processors.
 BUILDS = {"x86_64": {"x86-64-v4": "x86_64_v4", "x86-64-v3": "x86_64_v3"}, "aarch64": {"generic": "generic"}}
@@ -85,6 +88,7 @@ def make_wheel(output: Path, engine: Path) -> Path:
         shutil.copytree(ROOT / "sysid", source / "sysid", ignore=shutil.ignore_patterns("__pycache__", FOLDER.name))
         for name in ("pyproject.toml", "README.md", "LICENSE"):
             shutil.copy2(ROOT / name, source)
+        shutil.copytree(ROOT / "requirements", source / "requirements")
         _python("pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(plain), str(source))
         (wheel,) = plain.glob("*.whl")
         _python("wheel", "unpack", "--dest", str(open_), str(wheel))
@@ -116,7 +120,10 @@ def _no_longer_pure(unpacked: Path) -> None:
 
 
 def _python(module: str, *arguments: str) -> str:
-    done = subprocess.run([sys.executable, "-m", module, *arguments], capture_output=True, text=True, check=False)
+    # One time for all files inside, whoever makes the wheel and when.
+    environment = {"SOURCE_DATE_EPOCH": TIME, **os.environ}
+    command = [sys.executable, "-m", module, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     if done.returncode != 0:
         raise SystemExit(f"{module} {' '.join(arguments)} failed: {done.stderr.strip()}")
     return done.stdout

@@ -16,11 +16,11 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from sysid.cli import output_option
 from sysid.cli.calibration_options import calibration_options
 from sysid.cli.fleet_tables import MOST_ROWS, population_blocks, recalibration_blocks, status_blocks
 from sysid.cli.guarded import guarded
 from sysid.cli.invocation import program
-from sysid.cli.output_option import OutputFolder
 from sysid.cli.tables import render
 from sysid.errors import CampaignError, NotConvergedError
 from sysid.files import write_text
@@ -63,7 +63,7 @@ def fleet() -> None:
 
 
 _fleet_argument = click.argument("path", metavar="FLEET", type=click.Path(path_type=Path))
-_output_option = click.option("--output", default=DEFAULT_OUTPUT, show_default=True, type=OutputFolder(),
+_output_option = click.option("--output", default=DEFAULT_OUTPUT, show_default=True, type=output_option.folder,
                               help="Folder for everything written.")  # fmt: skip
 _workers_option = click.option("--workers", default=None, type=click.IntRange(1, 1024),
                                help="Campaigns at a time (default: as many as cores and memory allow).")  # fmt: skip

@@ -13,9 +13,9 @@ from typing import Any
 
 import click
 
+from sysid.cli import output_option
 from sysid.cli.calibration_options import calibration_options, decorated
 from sysid.cli.fleet import fleet
-from sysid.cli.output_option import OutputFolder
 from sysid.runtime import own_process
 from sysid.workflow.stage import Option
 from sysid.workflow.stages import RECORDS
@@ -38,7 +38,7 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
         command,
         click.argument("campaign", default=DEFAULT_CAMPAIGN, type=click.Path(path_type=Path)),
         click.option("--output", default=DEFAULT_OUTPUT, show_default=True, help="Folder for everything written.",
-                     type=OutputFolder()),
+                     type=output_option.folder),
         calibration_options,
         click.option("--resume", is_flag=True, help="Continue an interrupted run from what is in the output folder."),
     )  # fmt: skip

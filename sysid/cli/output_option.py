@@ -10,20 +10,15 @@ from sysid.errors import CampaignError
 from sysid.output_folder import output_folder
 
 
-class OutputFolder(click.ParamType[Path]):
-    """Name of the output folder as a path; the text is checked before it becomes one."""
+def folder(text: str | Path) -> Path:
+    """Name of the output folder as a path; the text is checked before it becomes one.
 
-    name = "folder"
-
-    def convert(self, value: str | Path, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """The folder as a path.
-
-        Raises
-        ------
-        click.UsageError
-            If no folder can have this name; click prints it and exits with 2.
-        """
-        try:
-            return output_folder(value)
-        except CampaignError as error:
-            raise click.UsageError(str(error), ctx) from None
+    Raises
+    ------
+    click.UsageError
+        If no folder can have this name; click prints it and exits with 2.
+    """
+    try:
+        return output_folder(text)
+    except CampaignError as error:
+        raise click.UsageError(str(error)) from None

@@ -1,4 +1,4 @@
-"""What libraries read of LAZ (laspy), PLY (plyfile) and OpenCRG (pycrg) files; meant for a child process.
+"""What libraries read of LAZ (laspy) and OpenCRG (pycrg) files; meant for a child process.
 
 The module imports nothing of this package, so that the child loads the library alone.
 """
@@ -21,14 +21,6 @@ def read_las(stream: BinaryIO, request: dict[str, Any]) -> tuple[dict[str, Any],
             return {"points": int(reader.header.point_count)}, [np.empty((0, 3))]
         cloud = reader.read()
     return {}, [np.column_stack([np.asarray(getattr(cloud, axis), dtype=np.float64) for axis in "xyz"])]
-
-
-def read_ply(stream: BinaryIO, request: dict[str, Any]) -> tuple[dict[str, Any], list[np.ndarray]]:
-    """Coordinates (n, 3) of the vertices of a PLY file, in its unit; `names` are those of x, y and z."""
-    from plyfile import PlyData
-
-    vertex = PlyData.read(stream, mmap=False)["vertex"].data
-    return {}, [np.column_stack([np.asarray(vertex[name], dtype=np.float64) for name in request["names"]])]
 
 
 def read_crg(stream: BinaryIO, request: dict[str, Any]) -> tuple[dict[str, Any], list[np.ndarray]]:

@@ -11,12 +11,14 @@ import laspy
 import numpy as np
 import pytest
 from crg_files import crg_file
+from memory_reader import taken
 from plyfile import PlyData, PlyElement
 
 from sysid import limits
+from sysid.bounded_reader import read_in_child
 from sysid.campaign.records import Scan
 from sysid.errors import DataRejectedError
-from sysid.road import analyse_scan, las_file, ply_file, read_point_cloud
+from sysid.road import analyse_scan, las_file, read_point_cloud
 from sysid.road.cloud_libraries import read_las
 from sysid.road.plane import NOISE_FLOOR_M, RoadPlane, refine_plane
 from sysid.road.profile_files import bump_from_file
@@ -120,10 +122,17 @@ XYZ = "".join(f"property float {axis}\n" for axis in "xyz")
     ("content", "said"),
     [
         (ply("element vertex 3\n" + XYZ + "element face 1\nproperty list int int v\n",
-             "1 2 3\n" * 3 + "2000000000 1\n"), "not a readable PLY"),
+             "1 2 3\n" * 2 + "2000000000 1\n"), "not every vertex has 3 numbers"),
         (ply("element vertex 900000\n" + XYZ + "".join(f"property double p{i}\n" for i in range(2000)),
-             "1 2 3\n" * 200_000), "takes more than 400 MB of memory"),
-        # The first end_header stands in a comment: only what the check has understood reaches the library.
+             "1 2 3\n" * 200_000), "not every vertex has 2003 numbers"),
+        # A row that holds more than the header names: which of its numbers is x?
+        (ply("element vertex 2\n" + XYZ, "7 1 2 3\n" * 2), "not every vertex has 3 numbers"),
+        (ply("element vertex 2\n" + XYZ, "1 2 3\n\n4 5 6\n"), "not every vertex has 3 numbers"),
+        (ply("element vertex 2\n" + XYZ, "\n\n"), "not every vertex has 3 numbers"),
+        (ply("element vertex 3\n" + XYZ, "1 2 3\n1 2 3\n"), "ends before its last vertex"),
+        (ply("element vertex 1\n" + XYZ + "property list int int v\n", "1 2 3 0\n"), "have lists"),
+        (ply("element face 1\nproperty list float int v\nelement vertex 1\n" + XYZ, "0\n1 2 3\n"), "the line"),
+        # The first end_header stands in a comment.
         (ply("comment end_header\nelement vertex 99999999999999999\n" + XYZ, "1 2 3\n"), "announces"),
         (ply("element vertex 3\n" + XYZ + "property list float16 int v\n", "1 2 3\n"), "its header has the line"),
         (ply("element vertex 3\n" + XYZ.replace("float z", "float z\nproperty float z"), "1 2 3 4\n" * 3), "PLY"),
@@ -134,17 +143,23 @@ def test_a_hostile_ply_file_is_one_sentence(tmp_path: Path, content: bytes, said
     assert said in refused(written(tmp_path / "bad.ply", content))
 
 
-def test_the_library_sees_the_header_as_it_was_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen = []
+BINARY = "ply\nformat binary_little_endian 1.0\nelement face {}\nproperty list int int v\nelement vertex 2\n"
 
-    def library(stream, request):
-        seen.append(stream.read())
-        return {}, [np.ones((2, 3))]
 
-    monkeypatch.setattr(ply_file, "read_ply", library)
-    lines = "comment end_header\r\nobj_info x\r\nelement  vertex 0002\r\n" + XYZ
-    read_point_cloud(written(tmp_path / "scan.ply", ply(lines, "1 2 3\n4 5 6\n")))
-    assert seen == [ply("element vertex 2\n" + XYZ, "1 2 3\n4 5 6\n")]
+@pytest.mark.parametrize(
+    ("faces", "lists", "said"),
+    [
+        (1, struct.pack("<i", 2_000_000_000), "ends before its last vertex"),
+        (1, struct.pack("<i", -6), "a list without a length"),
+        (9, struct.pack("<i", 5) + bytes(20), "a list without a length"),
+    ],
+)
+def test_lists_that_lead_out_of_the_file(tmp_path: Path, faces: int, lists: bytes, said: str) -> None:
+    vertices = struct.pack("<6f", *range(6))
+    head = (BINARY.format(faces) + XYZ + "end_header\n").encode()
+    assert said in refused(written(tmp_path / "bad.ply", head + lists + vertices))
+    good = (BINARY.format(1) + XYZ + "end_header\n").encode() + struct.pack("<2i", 1, 7) + vertices
+    np.testing.assert_array_equal(read_point_cloud(written(tmp_path / "good.ply", good)), [[0, 1, 2], [3, 4, 5]])
 
 
 def test_leading_zeros_hide_no_count(tmp_path: Path) -> None:
@@ -156,22 +171,19 @@ def test_leading_zeros_hide_no_count(tmp_path: Path) -> None:
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_a_mesh_with_faces_reads_its_vertices(tmp_path: Path, text: bool, order: str) -> None:
     vertex = np.array([tuple(p) for p in POINTS], dtype=[(axis, "f8") for axis in "xyz"])
-    face = np.array([([0, 1, 2],), ([2, 3, 4],)], dtype=[("vertex_indices", "i4", (3,))])
+    face = np.array([([0, 1, 2],), ([2, 3, 4, 1],)], dtype=[("vertex_indices", object)])
     elements = [PlyElement.describe(face, "face"), PlyElement.describe(vertex, "vertex")]
     PlyData(elements, text=text, byte_order="=" if text else order).write(str(tmp_path / "mesh.ply"))
     np.testing.assert_allclose(read_point_cloud(tmp_path / "mesh.ply"), POINTS, rtol=1e-12)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits on memory are those of Linux")
-def test_memory_of_the_child_is_limited(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A cloud that the full limit reads is refused under a smaller one."""
-    vertex = np.zeros(1_000_000, dtype=[(axis, "f8") for axis in "xyz"])
-    face = np.array([([0, 1, 2],)], dtype=[("vertex_indices", "i4", (3,))])
-    elements = [PlyElement.describe(vertex, "vertex"), PlyElement.describe(face, "face")]
-    PlyData(elements).write(str(tmp_path / "scan.ply"))
-    assert read_point_cloud(tmp_path / "scan.ply").shape == (1_000_000, 3)
+def test_memory_of_the_child_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the full limit holds is refused under a smaller one."""
+    assert read_in_child(taken, b"", "scan.laz", ["numpy"], bytes=40_000_000)[0] == {"bytes": 40_000_000}
     monkeypatch.setattr(limits, "READER_BYTES", 8_000_000)
-    assert "takes more than 8 MB of memory" in refused(tmp_path / "scan.ply")
+    with pytest.raises(DataRejectedError, match="takes more than 8 MB of memory"):
+        read_in_child(taken, b"", "scan.laz", ["numpy"], bytes=40_000_000)
 
 
 def test_an_increment_that_asks_for_any_number_of_stations(tmp_path: Path) -> None:
