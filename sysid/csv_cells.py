@@ -5,16 +5,26 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
+import unicodedata
 from collections.abc import Iterable, Sequence
 
-_FORMULA_STARTS = ("=", "+", "-", "@")
+from sysid.wording import plain_line
+
+#: What begins a formula, at the start of a cell or after what some countries' spreadsheets take for the end of one.
+#: Blanks before it are skipped.  Wide and small forms count as what NFKC makes of them, as some programs read them.
+_FORMULA = re.compile(r"(?P<before>^|;)(?P<blanks>\s*)(?=(?P<sign>\S))")
+_SIGNS = "=+-@\u2212"
 
 
 def escape_cell(text: str) -> str:
-    """`text` on one line, with an apostrophe in front where a spreadsheet would take it for a formula."""
-    # Spreadsheets skip blanks before they look for a formula, and a bare line end would start a row of its own.
-    line = "".join(c if c.isprintable() else " " for c in text)
-    return "'" + line if line.lstrip().startswith(_FORMULA_STARTS) else line
+    """`text` on one line, with an apostrophe wherever a spreadsheet would find the beginning of a formula."""
+    return _FORMULA.sub(_escaped, plain_line(text))
+
+
+def _escaped(found: re.Match[str]) -> str:
+    formula = unicodedata.normalize("NFKC", found["sign"])[0] in _SIGNS
+    return f"{found['before']}'{found['blanks']}" if formula else found[0]
 
 
 def number_cell(value: float | None) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
 from sysid.errors import OutputError
+from sysid.files import LinkRefusedError, is_plain, make_folder
 
 LOCK_NAME = ".lock"
 
@@ -40,7 +42,10 @@ class FolderLock:
         from filelock import Timeout
 
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
+            make_folder(self._folder)
+            # The lock is opened by its path: a link of its name, or a pipe, is no lock.
+            if os.path.lexists(self._folder / LOCK_NAME) and not is_plain(self._folder / LOCK_NAME):
+                raise LinkRefusedError(f"{LOCK_NAME} in {self._folder.name}/ is no plain file; remove it.")
             self._lock.acquire()
         except Timeout as error:
             raise FolderInUseError(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import unicodedata
 
 from sysid.wording import joined_words
 
@@ -74,11 +73,6 @@ def listing(items: list[str], most: int = 6) -> str:
     if len(items) > most:
         return ", ".join(items[:most]) + f" and {len(items) - most} more"
     return joined_words(items)
-
-
-def plain_text(text: str) -> str:
-    """`text` without control, direction-override and other invisible characters, line breaks and tabs kept."""
-    return "".join(c for c in text if c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cf", "Cs", "Co"))
 
 
 def _minus(text: str) -> str:

@@ -8,12 +8,13 @@ from pathlib import Path
 
 from sysid import limits
 from sysid.errors import CampaignError
+from sysid.files import keep_inside
 
 _UNSEEN = ("Cc", "Cs", "Zl", "Zp")  # control characters, halves of surrogate pairs, separators of lines
 
 
 def output_folder(name: str | Path) -> Path:
-    """The output folder named by `name`, which need not exist.
+    """The output folder named by `name`, which need not exist; from now on links below it are not followed.
 
     Parameters
     ----------
@@ -45,6 +46,7 @@ def output_folder(name: str | Path) -> Path:
         raise CampaignError(f"--output cannot be used ({error.strerror}); choose another folder.") from None
     if blocked is not None:
         raise CampaignError(f"--output names a file, {blocked.name}; give a folder instead.")
+    keep_inside(path)
     return path
 
 

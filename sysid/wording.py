@@ -3,7 +3,29 @@
 from __future__ import annotations
 
 import difflib
+import unicodedata
 from collections.abc import Iterable, Sequence
+
+#: General categories of what a reader does not see: control characters, which terminals obey, marks that
+#: change the direction of writing, halves of surrogate pairs, private characters, separators of lines.
+_UNSEEN = ("Cc", "Cf", "Cs", "Co", "Zl", "Zp")
+
+
+def plain_text(text: str) -> str:
+    """`text` without what a reader does not see and programs obey; line breaks and tabs are kept.
+
+    Every text that others may have written comes through here on its way to a terminal, a page, a figure or a table.
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(c for c in text if c in "\n\t" or unicodedata.category(c) not in _UNSEEN)
+
+
+def plain_line(text: str) -> str:
+    """:func:`plain_text` on one line."""
+    if text.isascii() and text.isprintable():
+        return text
+    return plain_text("".join(" " if c.isspace() or unicodedata.category(c) == "Cc" else c for c in text))
 
 
 def shorten(text: object, limit: int = 60) -> str:

@@ -21,8 +21,8 @@ ROOT = Path(sysid.__file__).resolve().parent
 
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
-    {"limits"},
-    {"arrays", "errors", "files", "helper_child", "lazy_names", "private_files", "progress", "read_worker", "wording"},
+    {"errors", "limits"},
+    {"arrays", "files", "helper_child", "lazy_names", "private_files", "progress", "read_worker", "wording"},
     {
         "array_file",
         "bounded_reader",

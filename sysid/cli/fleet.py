@@ -74,6 +74,11 @@ _send_files_option = click.option("--send-files", is_flag=True,
                                        "campaign, and fetch its results.")  # fmt: skip
 
 
+_doubtful_option = click.option(
+    "--with-doubtful", is_flag=True, help="Count campaigns too on whose numbers nobody should bet; remarks name them."
+)
+
+
 def _run_options(workers: int | None, scheduler: str | None, send_files: bool, **others: Any) -> RunOptions:
     from sysid.fleet.running import RunOptions
 
@@ -106,14 +111,14 @@ def _read(path: Path, errors: Console) -> Fleet:
     return known
 
 
-def _computed(path: Path, output: Path, errors: Console) -> FleetResults:
+def _computed(path: Path, output: Path, errors: Console, **options: bool) -> FleetResults:
     """Populations and loads of a fleet, with a progress bar."""
     from sysid.cli.progress import StageProgress
     from sysid.fleet.results import compute
 
     with StageProgress(errors) as progress:
         progress.stage("population")
-        return compute(path, output, progress.update)
+        return compute(path, output, progress.update, **options)
 
 
 @fleet.command("run")
@@ -263,10 +268,11 @@ def jobs(screen: Console, errors: Console, path: Path, output: Path, **choices: 
 @fleet.command("population")
 @_fleet_argument
 @_output_option
+@_doubtful_option
 @_command
-def population(screen: Console, errors: Console, path: Path, output: Path) -> int:
+def population(screen: Console, errors: Console, path: Path, output: Path, with_doubtful: bool) -> int:
     """Mean and spread of every type, trucks drawn towards them, outliers; needs three trucks with results."""
-    results = _computed(path, output, errors)
+    results = _computed(path, output, errors, with_doubtful=with_doubtful)
     render(screen, population_blocks(results.populations, results.loads, results.remarks))
     screen.print(f"All numbers: {results.file}", markup=False)
     return 0 if all(p.converged for p in results.populations) else NotConvergedError.exit_code
@@ -278,6 +284,7 @@ def population(screen: Console, errors: Console, path: Path, output: Path) -> in
 @_workers_option
 @_scheduler_option
 @_send_files_option
+@_doubtful_option
 @_command
 def recalibrate(
     screen: Console,
@@ -287,19 +294,20 @@ def recalibrate(
     workers: int | None,
     scheduler: str | None,
     send_files: bool,
+    with_doubtful: bool,
 ) -> int:
     """Sample campaigns once more, under the population, whose draws do not reach where it puts their trucks."""
     from sysid.fleet.running import exit_code, recalibrate
 
     options = _run_options(workers, scheduler, send_files)
-    before = _computed(path, output, errors)
+    before = _computed(path, output, errors, with_doubtful=with_doubtful)
     priors = {name: prior for p in before.populations for name, prior in p.of_others.items()}
     if not priors:
         screen.print("The draws of every campaign reach where the population puts its truck: nothing to do.")
         return 0
     with StatusView(errors, output) as view:
         rows = recalibrate(before.fleet, output, priors, options, view.show)
-    after = _computed(path, output, errors)
+    after = _computed(path, output, errors, with_doubtful=with_doubtful)
     render(screen, recalibration_blocks(rows, before.populations, after.populations))
     screen.print(f"All numbers: {after.file}", markup=False)
     return exit_code(rows)
@@ -320,13 +328,14 @@ def index(screen: Console, errors: Console, path: Path, output: Path) -> int:
 @fleet.command("report")
 @_fleet_argument
 @_output_option
+@_doubtful_option
 @_command
-def report(screen: Console, errors: Console, path: Path, output: Path) -> int:
+def report(screen: Console, errors: Console, path: Path, output: Path, with_doubtful: bool) -> int:
     """One page of all trucks: map by k and c, shrinkage, outliers, wheel loads, quality; links to all reports."""
     from sysid.fleet.page import write_fleet_page
     from sysid.fleet.status import rows_on_disk
 
-    results = _computed(path, output, errors)
+    results = _computed(path, output, errors, with_doubtful=with_doubtful, without_population=True)
     rows = list(rows_on_disk(results.fleet, output))
     screen.print(str(write_fleet_page(results, rows, output)), markup=False)
     return 0

@@ -5,14 +5,15 @@ from __future__ import annotations
 import errno
 import signal
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
 
 from sysid.cli.invocation import configured, same_command, tell
 from sysid.cli.progress import StageProgress
@@ -20,7 +21,7 @@ from sysid.cli.tables import render, show_run
 from sysid.errors import NotConvergedError, OutputError, StoredResultsError, SysidError
 from sysid.files import write_text
 from sysid.folder_lock import cannot_write
-from sysid.wording import shorten
+from sysid.wording import plain_text, shorten
 from sysid.workflow.stage import Command, Ending, Stage, Whole
 from sysid.workflow.stages import EXPORT, RECORDS
 
@@ -203,8 +204,17 @@ def _exit_code(outcome: _Outcome, quick: bool) -> int:
 
 def console(stderr: bool) -> Console:
     """A console that does not squeeze tables into 80 columns when its output goes to a file."""
-    console = Console(stderr=stderr, highlight=False)
-    return console if console.is_terminal else Console(stderr=stderr, highlight=False, width=200, soft_wrap=True)
+    console = PlainConsole(stderr=stderr, highlight=False)
+    return console if console.is_terminal else PlainConsole(stderr=stderr, highlight=False, width=200, soft_wrap=True)
+
+
+class PlainConsole(Console):
+    """Prints what is asked for, and nothing in it that a terminal would obey: names may come from a stranger."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Segments of text without control characters; those with which `rich` itself moves the cursor stay."""
+        for text, style, control in super().render(renderable, options):
+            yield Segment(text if control else plain_text(text), style, control)
 
 
 @contextmanager

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.errors import CampaignError
-from sysid.files import write_atomically
+from sysid.files import write_bytes
 from sysid.results.contents import Results
 
 if TYPE_CHECKING:
@@ -61,4 +62,8 @@ def write_posterior(results: Results, path: Path) -> None:
     Raises CampaignError if the posterior has not been sampled.
     """
     tree = posterior_tree(results)
-    write_atomically(path, lambda temporary: tree.to_netcdf(temporary, engine="h5netcdf"))
+    # The library writes to a path only, and follows links there.
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "posterior.nc"
+        tree.to_netcdf(file, engine="h5netcdf")
+        write_bytes(path, file.read_bytes())

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.wording import plain_line
+
 if TYPE_CHECKING:
     from sysid.estimates.calibrated_elements import CalibratedSuspension, CalibratedVehicle
     from sysid.results.contents import Judgement
@@ -106,5 +108,5 @@ def _field(value: float) -> str:
 
 def _comment(text: str) -> list[str]:
     # A keyword file has 80 columns of plain text; a line end in a name would start a card.
-    plain = "".join(c if c.isascii() and c.isprintable() else "?" for c in text)
+    plain = "".join(c if c.isascii() else "?" for c in plain_line(text))
     return ["$ " + line for line in textwrap.wrap(plain, 76)]

@@ -66,7 +66,6 @@ def write_profiles(profiles: Sequence[ProfileLikelihood], folder: Path) -> list[
     stems = distinct(file_stem(profile.name) for profile in profiles)
     for profile, stem in zip(profiles, stems, strict=True):
         path = folder / "profiles" / f"{stem}.csv"
-        path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, profile_csv(profile))
         written.append(path)
     return written

@@ -15,6 +15,7 @@ from sysid.fleet.likelihood import Likelihood, likelihood_of, sensitivity_to, wi
 from sysid.fleet.members import Member, Members
 from sysid.fleet.population import TypePopulation, fit_population, stand_alone
 from sysid.fleet.records import SharedError
+from sysid.numbers import listing
 from sysid.progress import Progress, unwatched
 
 #: Quantities whose population is looked for, in this order.
@@ -62,13 +63,7 @@ def populations(
     priors: HyperPriors | None = None,
     progress: Progress | None = None,
 ) -> tuple[list[TypePopulation], list[str]]:
-    """The population of every type with enough trucks, and sentences about what was left out or is not final.
-
-    Raises
-    ------
-    DataRejectedError
-        If no type has enough trucks with results.
-    """
+    """The population of every type with enough trucks, and sentences about what was left out or is not final."""
     priors, report = priors or HyperPriors(), progress or unwatched
     populations, said = [], []
     for of_type in of_types:
@@ -88,8 +83,6 @@ def populations(
             continue
         said += [f"{of_type.type}: {remark}" for remark in (*of_type.remarks, *assembled.remarks)]
         populations.append(population)
-    if not populations:
-        raise DataRejectedError(" ".join(said[:3]) or "The fleet has no campaign with results; run it first.")
     return populations, said
 
 
@@ -101,13 +94,15 @@ def assemble(of_type: Members, shared: Sequence[SharedError], priors: HyperPrior
     DataRejectedError
         If there are not enough trucks with results.
     """
-    with_draws, parts, remarks = [], [], []
+    with_draws, parts = [], []
+    remarks: list[str] = []
+    without_draws: list[str] = []
     about: dict[str, tuple[str, str, int, str]] = {}
     laws: dict[str, set[str]] = {}
     for member in of_type.campaigns:
         record = campaign_draws(member.output)
         if record is None:
-            remarks.append(f"campaign {member.campaign} has no posterior draws and is left out")
+            without_draws.append(member.campaign)
             continue
         names = tuple(n for n, q in zip(record.names, record.quantities, strict=True) if q in QUANTITIES)
         chosen = record.of(names)
@@ -121,6 +116,8 @@ def assemble(of_type: Members, shared: Sequence[SharedError], priors: HyperPrior
             laws.setdefault(name, set()).add(chosen.laws[i])
         with_draws.append(member)
         parts.append((names, likelihood, chosen.prior_mean))
+    if without_draws:
+        remarks.append(f"without posterior draws, and so left out: {listing(without_draws)}")
     trucks = tuple(dict.fromkeys(m.truck for m in with_draws))
     if len(trucks) < LEAST_TRUCKS:
         raise DataRejectedError(
@@ -155,6 +152,7 @@ def _stacked(
     precision, shift = np.zeros((len(with_draws), d, d)), np.zeros((len(with_draws), d))
     moved = np.zeros((len(with_draws), d, len(shared)))
     means = np.full((len(with_draws), d), np.nan)
+    too_narrow: dict[str, list[str]] = {}
     for c, (member, (names, likelihood, prior_mean)) in enumerate(zip(with_draws, parts, strict=True)):
         at = np.array([order.index(n) for n in names])
         placed = likelihood.placed(at, d)
@@ -164,11 +162,13 @@ def _stacked(
             if error.in_intervals:
                 placed, share = without_shared(placed, moved[c, :, s], error.log_sd)
                 if share > _DOUBTFUL_SHARE:
-                    remarks.append(
-                        f"the interval of campaign {member.campaign} is too narrow to allow for '{error.name}' "
-                        "already; set in_intervals = false, or give the error a smaller log_sd"
-                    )
+                    too_narrow.setdefault(error.name, []).append(member.campaign)
         precision[c], shift[c] = placed.precision, placed.shift
+    remarks += [
+        f"the interval of {listing(campaigns)} is too narrow to allow for '{error}' already; set in_intervals = false, "
+        "or give the error a smaller log_sd"
+        for error, campaigns in too_narrow.items()
+    ]
     truck_of = np.array([trucks.index(m.truck) for m in with_draws])
     data = TypeData(
         tuple(order), quantities, trucks, tuple(m.campaign for m in with_draws), truck_of, precision, shift,

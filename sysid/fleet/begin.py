@@ -5,11 +5,13 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 
+from sysid import limits
 from sysid.campaign.toml.text import quoted
 from sysid.errors import CampaignError
-from sysid.files import read_bytes
 from sysid.fleet.folders import CAMPAIGN_FILE, campaign_folders
 from sysid.fleet.read import result_name
+from sysid.fleet.schema import NAME_BYTES
+from sysid.logs.input_file import read_file
 from sysid.wording import shorten
 
 _HEAD = """\
@@ -47,6 +49,8 @@ def fleet_text(folder: Path) -> tuple[str, list[str]]:
             f"{shorten(folder, 100)} has no subfolder with a {CAMPAIGN_FILE}; begin campaigns by 'init FOLDER' first."
         )
         raise CampaignError(" ".join([none, *said[:3]]))
+    # Signs that are replaced can make two names one.
+    names = dict(zip(folders, distinct_names([result_name(f) for f in folders]), strict=True))
     parts = [_HEAD.format(title=quoted(folder.resolve().name))]
     for truck, campaigns in _trucks(folders).items():
         lines = [
@@ -56,9 +60,24 @@ def fleet_text(folder: Path) -> tuple[str, list[str]]:
             f"type = {quoted(_type(folder / campaigns[0]))}",
             "campaign = [",
         ]
-        lines += [f"  {{ name = {quoted(result_name(c))}, folder = {quoted(c)} }}," for c in campaigns]
+        lines += [f"  {{ name = {quoted(names[c])}, folder = {quoted(c)} }}," for c in campaigns]
         parts.append("\n".join([*lines, "]", ""]))
     return "".join(parts), said
+
+
+def distinct_names(names: list[str]) -> list[str]:
+    """Names with -2, -3, ... where another differs in case only; as short as a reader takes them."""
+    taken: set[str] = set()
+    found = []
+    for name in names:
+        candidate, number = name, 1
+        while candidate.casefold() in taken:
+            number += 1
+            end = f"-{number}"
+            candidate = name.encode()[: NAME_BYTES - len(end)].decode(errors="ignore") + end
+        taken.add(candidate.casefold())
+        found.append(candidate)
+    return found
 
 
 def _trucks(folders: list[str]) -> dict[str, list[str]]:
@@ -73,7 +92,9 @@ def _trucks(folders: list[str]) -> dict[str, list[str]]:
 def _type(folder: Path) -> str:
     """The vehicle's name in the campaign file, with its number of axles where it has none."""
     try:
-        vehicle = tomllib.loads((read_bytes(folder / CAMPAIGN_FILE) or b"").decode("utf-8-sig"))["vehicle"]
+        vehicle = tomllib.loads(read_file(folder / CAMPAIGN_FILE, limits.CAMPAIGN_BYTES).data.decode("utf-8-sig"))[
+            "vehicle"
+        ]
         return str(vehicle.get("name") or f"{len(vehicle['axle'])} axles")[:200]
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return "truck"

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from sysid.errors import OutputError, SysidError
-from sysid.files import read_bytes, write_text
+from sysid.files import keep_inside, read_bytes, write_text
 from sysid.fleet.key import calibration_key, chain_key, folder_state, result_digest
 from sysid.fleet.outcome import LOG_FILE, RESULT_FILE, Outcome
 from sysid.folder_lock import FolderInUseError, FolderLock, cannot_write
@@ -45,6 +45,7 @@ def main() -> None:
     request = json.loads(sys.stdin.readline())
     threading.Thread(target=_leave_with_parent, daemon=True).start()
     campaign, output, reports = Path(request["campaign"]), Path(request["output"]), _Reports(say)
+    keep_inside(output.parents[1])
     if request.get("prior") is None:
         outcome = calibrate(campaign, output, request["choices"], reports)
     else:

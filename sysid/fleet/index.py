@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from sysid.errors import CampaignError
-from sysid.files import UNFINISHED, write_text
+from sysid.files import UNFINISHED, make_folder, write_text
 from sysid.fleet.records import Fleet
 from sysid.fleet.running import Row, campaign_output
 from sysid.fleet.status import rows_on_disk
@@ -36,7 +36,7 @@ def write_index(fleet: Fleet, output: Path) -> Path:
     """
     target = output / INDEX_FOLDER
     with writing_to(output):
-        target.mkdir(parents=True, exist_ok=True)
+        make_folder(target)
         temporary = Path(tempfile.mkdtemp(dir=output, prefix=UNFINISHED))
         try:
             _write(rows_on_disk(fleet, output), temporary, output)

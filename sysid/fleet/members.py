@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sysid.fleet.key import file_digests
-from sysid.fleet.outcome import Outcome, read_outcome
+from sysid.files import read_json
+from sysid.fleet.changes import changes
+from sysid.fleet.outcome import RESULT_FILE, read_outcome
 from sysid.fleet.records import Fleet
 from sysid.fleet.running import campaign_output
 from sysid.numbers import count, listing
-from sysid.wording import shorten
+
+#: The verdict of a campaign that is no member unless it is asked for.
+DOUBTFUL = "do_not_bet"
+_DOUBTED = "on whose numbers nobody should bet; they count all the same"
+_NOT_HERE = "whose files are missing in part or all, so that it is not known whether they have changed"
+#: Words about members that are not final, by their status.
+_STATUS = {
+    "preview": "with results of a preview (--quick), whose intervals are not reliable",
+    "not_converged": "whose sampling has not converged",
+}
 
 
 @dataclass(frozen=True)
@@ -33,46 +42,45 @@ class Members:
     remarks: tuple[str, ...]
 
 
-def members(fleet: Fleet, output: Path, kind: str) -> Members:
-    """Campaigns of a type that have results, without those whose files have changed since; their files are hashed.
+def members(fleet: Fleet, output: Path, kind: str, with_doubtful: bool = False) -> Members:
+    """Campaigns of a type whose results count: those of the files as they are now, on which one may bet.
 
-    Results whose files are not here any more are taken: data may be kept elsewhere.
+    Their files are hashed.  Results whose files are not here any more are taken: data may be kept elsewhere.
+    `with_doubtful` takes campaigns too whose verdict is that nobody should bet on their numbers; remarks name them.
     """
     found: list[Member] = []
-    remarks: list[str] = []
-    not_here: list[str] = []
+    left_out: dict[str, list[str]] = {}
+    noted: dict[str, list[str]] = {words: [] for words in (_DOUBTED, *_STATUS.values(), _NOT_HERE)}
     for truck in fleet.trucks:
         for campaign in truck.campaigns if truck.type == kind else ():
             folder = campaign_output(output, campaign.name)
             outcome = read_outcome(folder)
             if outcome is None or not outcome.finished:
                 continue
-            changed, missing = _differences(outcome, campaign.folder)
-            if changed:
-                remarks.append(
-                    f"campaign {campaign.name} is left out: it has changed since it was calibrated "
-                    f"({listing([shorten(name) for name in changed])}); run the fleet again"
-                )
+            different = changes(outcome, campaign.folder, folder)
+            doubtful = trust_in(folder) == DOUBTFUL
+            if different.sentence:
+                left_out.setdefault(f"{different.sentence}; run the fleet again", []).append(campaign.name)
                 continue
-            if missing:
-                not_here.append(campaign.name)
+            if doubtful and not with_doubtful:
+                left_out.setdefault("nobody should bet on its numbers", []).append(campaign.name)
+                continue
+            said = (doubtful and _DOUBTED, _STATUS.get(outcome.status), bool(different.missing) and _NOT_HERE)
+            for words in filter(None, said):
+                noted[words].append(campaign.name)
             found.append(Member(truck.name, campaign.name, folder, outcome.status))
-    return Members(kind, tuple(found), (*remarks, *_doubts(found, not_here)))
+    remarks = [_left_out(names, why) for why, names in left_out.items()]
+    remarks += [f"{count(len(names), 'campaign')} {what}: {listing(names)}" for what, names in noted.items() if names]
+    return Members(kind, tuple(found), tuple(remarks))
 
 
-def _differences(outcome: Outcome, folder: Path) -> tuple[list[str], list[str]]:
-    """Input files of an outcome that are not as they were, and those that cannot be read."""
-    now = file_digests(folder, outcome.inputs)
-    changed = [name for name, digest in outcome.inputs.items() if now[name] not in ("", digest)]
-    return changed, [name for name in outcome.inputs if not now[name]]
+def trust_in(folder: Path) -> str:
+    """The verdict in the ``result.json`` of a folder; empty where there is none."""
+    judged = read_json(folder / RESULT_FILE).get("verdict")
+    return str(judged.get("trust")) if isinstance(judged, dict) else ""
 
 
-def _doubts(found: Sequence[Member], not_here: list[str]) -> Iterator[str]:
-    of_status = {s: [m.campaign for m in found if m.status == s] for s in ("preview", "not_converged")}
-    for names, what in (
-        (of_status["preview"], "with results of a preview (--quick), whose intervals are not reliable"),
-        (of_status["not_converged"], "whose sampling has not converged"),
-        (not_here, "whose files are missing in part or all, so that it is not known whether they have changed"),
-    ):
-        if names:
-            yield f"{count(len(names), 'campaign')} {what}: {listing(names)}"
+def _left_out(names: list[str], why: str) -> str:
+    if len(names) == 1:
+        return f"campaign {names[0]} is left out: {why}"
+    return f"each of {count(len(names), 'campaign')} ({listing(names)}) is left out: {why}"

@@ -19,14 +19,15 @@ from sysid.display import shown_unit
 from sysid.files import write_text
 from sysid.fleet.instruments import InstrumentProblem, instrument_problems
 from sysid.fleet.loads import PopulationLoad, pass_words
+from sysid.fleet.outcome import FINISHED
 from sysid.fleet.population import Quantiles, TypePopulation
 from sysid.fleet.results import FleetResults
 from sysid.fleet.running import CAMPAIGNS, Row, campaign_output
-from sysid.fleet.status import state_counts
+from sysid.fleet.status import state_counts, write_status
 from sysid.fleet.tables import verdict_of
 from sysid.fleet.weights import MOST_K
 from sysid.folder_lock import writing_to
-from sysid.numbers import decimals, fixed, interval, number, percent
+from sysid.numbers import decimals, fixed, interval, listing, number, percent
 from sysid.report.cells import Cell, Table, table
 from sysid.report.figures import Gallery, Picture
 from sysid.report.skeleton import render_page
@@ -35,7 +36,7 @@ from sysid.workflow.versions import versions
 
 PAGE = "fleet.html"
 #: Campaigns that the page lists one by one; all of them stand in fleet_status.csv.
-MOST_LISTED = 300
+MOST_LISTED = 1000
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ def render_fleet(
     states = state_counts(rows)
     problems = [row for row in rows if row.state != "done"]
     doubtful = [row for row in rows if verdicts.get(row.campaign, ("", ""))[0] in FORBIDDING]
+    careful = [row for row in rows if verdicts.get(row.campaign, ("", ""))[0] == "with_care"]
     preview = any(row.outcome is not None and row.outcome.status == "preview" for row in rows)
     content = {
         "title": results.fleet.title,
@@ -79,8 +81,15 @@ def render_fleet(
         "counts": states,
         "types": [_type_part(p, results, gallery) for p in results.populations],
         "said": results.remarks,
-        "problems": [_listed(row, verdicts) for row in problems[:MOST_LISTED]],
-        "doubtful": [_listed(row, verdicts) for row in doubtful[:MOST_LISTED]],
+        "groups": [
+            (caption, _grouped(some, verdicts))
+            for caption, some in (
+                ("Campaigns that are not done", problems),
+                ("Campaigns on whose numbers nobody should bet", doubtful),
+                ("Campaigns to use with care", careful),
+            )
+            if some
+        ],
         "listed": [_listed(row, verdicts) for row in rows[:MOST_LISTED]],
         "unlisted": max(0, len(rows) - MOST_LISTED),
         "pareto": _pareto_table(results.populations),
@@ -93,7 +102,7 @@ def render_fleet(
 
 
 def write_fleet_page(results: FleetResults, rows: Sequence[Row], output: Path) -> Path:
-    """Write the page into the folder of the fleet.
+    """Write the page into the folder of the fleet, with the tables of all campaigns that it names.
 
     Raises
     ------
@@ -102,6 +111,7 @@ def write_fleet_page(results: FleetResults, rows: Sequence[Row], output: Path) -
     """
     verdicts = {row.campaign: verdict_of(row, campaign_output(output, row.campaign)) for row in rows}
     text = render_fleet(results, rows, instrument_problems(rows, output), verdicts)
+    write_status(rows, output)
     with writing_to(output):
         write_text(output / PAGE, text)
     return output / PAGE
@@ -110,7 +120,7 @@ def write_fleet_page(results: FleetResults, rows: Sequence[Row], output: Path) -
 def _listed(row: Row, verdicts: Mapping[str, tuple[str, str]]) -> dict[str, str]:
     outcome = row.outcome
     trust, reason = verdicts.get(row.campaign, ("", ""))
-    link = f"{CAMPAIGNS}/{quote(row.campaign)}/report.html" if outcome is not None and outcome.finished else ""
+    link = f"{CAMPAIGNS}/{quote(row.campaign)}/report.html" if row.state in FINISHED else ""
     return {
         "campaign": row.campaign,
         "truck": row.truck,
@@ -121,6 +131,19 @@ def _listed(row: Row, verdicts: Mapping[str, tuple[str, str]]) -> dict[str, str]
         "sentence": reason if outcome is None else outcome.sentence or reason,
         "link": link,
     }
+
+
+def _grouped(rows: Sequence[Row], verdicts: Mapping[str, tuple[str, str]]) -> list[dict[str, str]]:
+    """One line for all campaigns of which the same is said, the largest group first."""
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for row in rows:
+        line = _listed(row, verdicts)
+        groups.setdefault((line["state"], line["verdict"], line["sentence"]), []).append(row.campaign)
+    largest = sorted(groups.items(), key=lambda group: -len(group[1]))
+    return [
+        {"number": str(len(names)), "campaigns": listing(names), "state": state, "verdict": verdict, "sentence": why}
+        for (state, verdict, why), names in largest[:MOST_LISTED]
+    ]
 
 
 def _type_part(p: TypePopulation, results: FleetResults, gallery: Gallery) -> TypePart:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import unicodedata
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
@@ -14,7 +15,7 @@ from sysid.campaign.toml.todo import refuse_todos
 from sysid.errors import CampaignError
 from sysid.fleet.folders import CAMPAIGN_FILE, campaign_folders
 from sysid.fleet.records import Fleet, FleetCampaign, SharedError, Truck
-from sysid.fleet.schema import FleetFile, SharedEntry, TruckEntry
+from sysid.fleet.schema import NAME_BYTES, FleetFile, SharedEntry, TruckEntry, is_of_names
 from sysid.logs.input_file import FileRefusedError, read_file
 from sysid.wording import finish, nearest, shorten
 
@@ -56,9 +57,10 @@ def fleet_of_folder(folder: Path) -> Fleet:
 
 
 def result_name(folder: str) -> str:
-    """Name of the folder of results of a campaign in `folder`: its path, other signs than letters replaced."""
-    kept = "".join(c if c.isascii() and (c.isalnum() or c in "._-") else "-" for c in folder.replace("/", "-"))
-    return kept.strip("-").lstrip(".")[:120] or "campaign"
+    """Name of the folder of results of a campaign in `folder`: its path, other signs than those of names replaced."""
+    text = unicodedata.normalize("NFC", folder).replace("/", "-")
+    kept = "".join(c if is_of_names(c) else "-" for c in text).strip("-").lstrip(".")
+    return kept.encode()[:NAME_BYTES].decode(errors="ignore") or "campaign"
 
 
 def _from_file(file: Path) -> Fleet:
@@ -107,7 +109,11 @@ def _shared(entry: SharedEntry, names: list[str], label: str) -> SharedError:
 def _checked(fleet: Fleet, label: str) -> Fleet:
     _check_names(label, "trucks have the name", (t.name for t in fleet.trucks))
     # Names that differ in case only are one folder on some systems.
-    _check_names(label, "campaigns have the name", (c.name.casefold() for _, c in fleet.campaigns()))
+    _check_names(
+        label,
+        "campaigns have the name",
+        (unicodedata.normalize("NFC", c.name).casefold() for _, c in fleet.campaigns()),
+    )
     _check_files(fleet, label)
     return fleet
 

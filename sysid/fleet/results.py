@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from sysid.errors import DataRejectedError
 from sysid.fleet.assembly import populations
 from sysid.fleet.loads import PopulationLoad, population_loads
 from sysid.fleet.members import members
@@ -26,22 +27,38 @@ class FleetResults:
     file: Path
 
 
-def compute(path: str | Path, output: Path, progress: Progress | None = None) -> FleetResults:
+def compute(
+    path: str | Path,
+    output: Path,
+    progress: Progress | None = None,
+    *,
+    with_doubtful: bool = False,
+    without_population: bool = False,
+) -> FleetResults:
     """Populations of a fleet that has been run, written to ``fleet_population.json``.
+
+    Parameters
+    ----------
+    with_doubtful : take campaigns too on whose numbers nobody should bet.
+    without_population : give results also where no type has enough trucks: remarks say why.
 
     Raises
     ------
     CampaignError
         If the fleet file is wrong.
     DataRejectedError
-        If no type has enough trucks with results.
+        If no type has enough trucks with results, unless `without_population`.
     OutputError
         If the folder cannot be written.
     """
     fleet = read_fleet(path)
     # Once for both: the files of all campaigns are hashed.
-    of_types = {kind: members(fleet, output, kind) for kind in dict.fromkeys(t.type for t in fleet.trucks)}
+    of_types = {
+        kind: members(fleet, output, kind, with_doubtful) for kind in dict.fromkeys(t.type for t in fleet.trucks)
+    }
     by_type, said = populations(of_types.values(), fleet.shared, progress=progress)
+    if not by_type and not without_population:
+        raise DataRejectedError(" ".join(said[:3]) or "The fleet has no campaign with results; run it first.")
     remarks = [*fleet.messages, *said]
     loads: list[PopulationLoad] = []
     for p in by_type:

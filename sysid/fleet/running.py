@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.errors import CampaignError, NotConvergedError, OutputError
+from sysid.files import keep_inside
 from sysid.fleet.executors import cluster_executor, local_executor
 from sysid.fleet.memory import available_bytes
 from sysid.fleet.outcome import Outcome
@@ -85,7 +87,8 @@ Watch = Callable[[list[Row]], None]
 
 
 def campaign_output(output: Path, name: str) -> Path:
-    """Folder of the results of one campaign."""
+    """Folder of the results of one campaign; links below the folder of the fleet are not followed."""
+    keep_inside(output)
     return output / CAMPAIGNS / name
 
 
@@ -114,7 +117,7 @@ def tasks(fleet: Fleet, output: Path, options: RunOptions, run: str, threads: in
         task = Task(
             campaign.name,
             str(campaign.folder.resolve()),
-            str(campaign_output(output, campaign.name).resolve()),
+            os.path.abspath(campaign_output(output, campaign.name)),
             dict(options.choices),
             threads,
             run,

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import datetime
+import unicodedata
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, StrictStr
 
 from sysid.campaign.toml.schema_fields import TEXT_LENGTH, Name, PathText, Table
 
-_LETTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-")
+#: Of the name of a folder; file systems take 255 in all, and names of files that are being written are longer.
+NAME_BYTES = 120
 Quantity = Literal["stiffness", "damping", "tire_stiffness"]
 
 
+def is_of_names(character: str) -> bool:
+    """Whether a character may stand in the name of a campaign: letters with their marks and digits of any script."""
+    return character in "._-" or unicodedata.category(character)[0] in "LMN"
+
+
 def _folder_name(name: str) -> str:
-    if not set(name) <= _LETTERS or name.startswith("."):
+    if not all(map(is_of_names, name)) or name.startswith("."):
         raise ValueError(f"is '{name[:60]}'; a folder gets this name: use letters, digits, '.', '-' and '_'")
+    if len(name.encode()) > NAME_BYTES:
+        raise ValueError(
+            f"is '{name[:30]}...' of {len(name.encode())} bytes; a folder gets this name: at most {NAME_BYTES}"
+        )
     return name
 
 

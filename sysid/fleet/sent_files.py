@@ -15,7 +15,7 @@ import tempfile
 import zipfile
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path, PurePosixPath
@@ -24,12 +24,13 @@ from typing import Any
 from sysid import limits
 from sysid.campaign.toml.errors import parse_toml
 from sysid.errors import CampaignError, OutputError
-from sysid.files import UNFINISHED, read_bytes
+from sysid.files import UNFINISHED
 from sysid.fleet.folders import CAMPAIGN_FILE
 from sysid.fleet.key import calibration_key, folder_state, result_digest
 from sysid.fleet.outcome import RESULT_FILE, Outcome, write_outcome
-from sysid.fleet.task import Task, finished_before, run_task
+from sysid.fleet.task import RUNNING_LOCK, Task, finished_before, run_task
 from sysid.folder_lock import LOCK_NAME, FolderInUseError, FolderLock, cannot_write
+from sysid.logs.input_file import read_file
 from sysid.private_files import NotPrivateError, private_folder
 
 #: What of a task means something on the driver's machine or in one run only.
@@ -159,14 +160,13 @@ def _own_folder(task: Task, campaign: bytes) -> Iterator[Path]:
 
 def campaign_files(folder: Path) -> list[str]:
     """The campaign file, and every file inside its folder that a text in it names: all that a calibration may read."""
-    content = read_bytes(folder / CAMPAIGN_FILE, limits.CAMPAIGN_BYTES)
-    try:
-        texts = list(_texts(parse_toml(content or b"", CAMPAIGN_FILE)))
-    except CampaignError:
-        # The worker says the same of it.
-        texts = []
+    content, texts = b"", list[str]()
+    # The worker says the same of a file that cannot be read or understood.
+    with suppress(OSError, CampaignError):
+        content = read_file(folder / CAMPAIGN_FILE, limits.CAMPAIGN_BYTES).data
+        texts = list(_texts(parse_toml(content, CAMPAIGN_FILE)))
     real = folder.resolve()
-    names = {CAMPAIGN_FILE: None} if content is not None else {}
+    names = {CAMPAIGN_FILE: None} if content else {}
     for text in texts:
         # Longer texts are no names, and neither are texts with a zero.
         if 0 < len(text) <= limits.PATH_BYTES and "\0" not in text:
@@ -191,7 +191,12 @@ def result_files(folder: Path) -> list[str]:
         folders.sort()
         for name in sorted(files):
             path = Path(root) / name
-            if name != LOCK_NAME and not name.startswith(UNFINISHED) and path.is_file() and not path.is_symlink():
+            if (
+                name not in (LOCK_NAME, RUNNING_LOCK)
+                and not name.startswith(UNFINISHED)
+                and path.is_file()
+                and not path.is_symlink()
+            ):
                 found.append(path.relative_to(folder).as_posix())
     return found
 
@@ -222,12 +227,14 @@ def unpack(content: bytes, folder: Path) -> None:
     Raises
     ------
     CampaignError
-        If a name leads out of the folder.
+        If a name leads out of the folder, or the files are larger than :func:`packed` packs.
     OSError
         If it cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        if sum(entry.file_size for entry in archive.infolist()) > limits.INPUT_BYTES:
+            raise CampaignError(f"the files are more than {limits.INPUT_BYTES / 1e9:g} GB.")
         for name in archive.namelist():
             # Path knows what the system takes for a drive or for the root.
             path = folder / name

@@ -5,19 +5,22 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from sysid.csv_cells import csv_text, escape_cell
-from sysid.files import read_json, write_text
+from sysid.files import is_plain, read_json, write_text
+from sysid.fleet.changes import changes
 from sysid.fleet.outcome import read_outcome
 from sysid.fleet.records import Fleet
 from sysid.fleet.running import Row, campaign_output
-from sysid.fleet.task import PROGRESS_FILE
+from sysid.fleet.task import PROGRESS_FILE, is_running
 from sysid.folder_lock import writing_to
 
 STATUS_JSON, STATUS_CSV = "fleet_status.json", "fleet_status.csv"
+#: State of a campaign whose numbers do not count any more.
+CHANGED = "changed"
 #: Version of the table; a number up whenever a key changes its meaning or goes.
 SCHEMA = 1
 COLUMNS = (
@@ -27,11 +30,23 @@ COLUMNS = (
 
 
 def rows_on_disk(fleet: Fleet, output: Path) -> Iterator[Row]:
-    """What is known of every campaign without computing anything; outcomes of changed inputs among them."""
+    """What is known of every campaign without computing anything; input files and results are hashed.
+
+    A campaign is ``running`` while a process works on it, and ``interrupted`` where one has left off.  It is
+    ``changed`` where its files or its results are not those of its outcome: its numbers do not count then.
+    """
     for truck, campaign in fleet.campaigns():
         folder = campaign_output(output, campaign.name)
         outcome = read_outcome(folder)
-        state = outcome.state if outcome else "running" if (folder / PROGRESS_FILE).exists() else "queued"
+        state: str = "queued"
+        if is_running(folder):
+            state, outcome = "running", None
+        elif outcome is not None:
+            state = outcome.state
+            if why := changes(outcome, campaign.folder, folder).sentence:
+                state, outcome = CHANGED, replace(outcome, sentence=why)
+        elif is_plain(folder / PROGRESS_FILE):
+            state = "interrupted"
         yield Row(truck.name, truck.type, campaign.name, campaign.date, state, outcome)
 
 
@@ -46,7 +61,7 @@ def stage_of(output: Path, name: str) -> str:
 
 def state_counts(rows: Sequence[Row]) -> dict[str, int]:
     """How many campaigns are in which state, in a fixed order."""
-    order = ("queued", "running", "done", "not converged", "rejected", "failed", "crashed")
+    order = ("queued", "running", "interrupted", "done", "not converged", CHANGED, "rejected", "failed", "crashed")
     numbers = Counter(row.state for row in rows)
     return {state: numbers[state] for state in order if numbers[state]}
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from sysid.files import read_json
 from sysid.fleet.draws import RECORD_FILE, read_draws, thinned
-from sysid.fleet.outcome import RESULT_FILE
+from sysid.fleet.outcome import FINISHED, RESULT_FILE
 from sysid.fleet.running import Row
 from sysid.fleet.status import row_fields
 from sysid.results.contents import Trust
@@ -30,7 +30,7 @@ TABLES: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "truck": ("string", "truck"),
         "type": ("string", "type of the truck"),
         "date": ("string", "date, YYYY-MM-DD, or empty"),
-        "state": ("string", "queued, running, done, not converged, rejected, failed or crashed"),
+        "state": ("string", "queued, running, interrupted, done, not converged, changed, rejected, failed or crashed"),
         "status": ("string", "status in result.json: converged, not_converged or preview"),
         "sentence": ("string", "why there is no result"),
         "seconds": ("double", "time on the clock [s]"),
@@ -190,7 +190,7 @@ def _of_kind(value: Any, kind: str) -> bool:
 
 
 def _finished(row: Row) -> bool:
-    return row.outcome is not None and row.outcome.finished
+    return row.outcome is not None and row.state in FINISHED
 
 
 def _parameter(p: Mapping[str, Any]) -> dict[str, Any]:

@@ -15,13 +15,23 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import sysid
-from sysid.files import read_bytes, read_json, write_text
+from sysid.files import (
+    LinkRefusedError,
+    appended,
+    is_plain,
+    keep_inside,
+    make_folder,
+    read_bytes,
+    read_json,
+    remove,
+    write_text,
+)
 from sysid.fleet.key import calibration_key, folder_state
 from sysid.fleet.outcome import LOG_FILE, Outcome, read_outcome, still_valid, write_outcome
 from sysid.folder_lock import cannot_write
@@ -30,6 +40,9 @@ from sysid.folder_lock import cannot_write
 MOST_STARTS = 2
 _STARTS_FILE = "fleet_starts.json"
 PROGRESS_FILE = "fleet_progress.json"
+#: Held while a campaign is worked on, and how long it is waited for [s]: who asks holds it for a moment.
+RUNNING_LOCK = ".running.lock"
+_MARK_S = 5.0
 #: Least time between two writings of the progress of a campaign [s].
 _INTERVAL_S = 1.0
 _CHILD = (sys.executable, "-m", "sysid.fleet.child")
@@ -99,16 +112,54 @@ def run_task(task: Task) -> Outcome:
     if earlier is not None:
         return earlier
     campaign, output = Path(task.campaign), Path(task.output)
+    # campaigns/NAME below the folder of the fleet.
+    keep_inside(output.parents[1])
     try:
-        outcome = _started(task, campaign, output)
+        make_folder(output)
+        with _marked_as_running(output):
+            outcome = _started(task, campaign, output)
     except OSError as error:
         outcome = _without_process(task, "failed", str(cannot_write(output, error)))
-    with contextlib.suppress(OSError):
+    except LinkRefusedError as error:
+        outcome = _without_process(task, "failed", str(error))
+    with contextlib.suppress(OSError, LinkRefusedError):
         if task.prior is None:
             write_outcome(output, outcome)
-        (output / _STARTS_FILE).unlink(missing_ok=True)
-        (output / PROGRESS_FILE).unlink(missing_ok=True)
+        remove(output / _STARTS_FILE)
+        remove(output / PROGRESS_FILE)
     return outcome
+
+
+def is_running(output: Path) -> bool:
+    """Whether a process works on the campaign whose results are in `output`, as the system's locks say."""
+    from filelock import FileLock, Timeout
+
+    if not is_plain(output / RUNNING_LOCK):
+        return False
+    try:
+        with FileLock(output / RUNNING_LOCK, timeout=0, thread_local=False):
+            return False
+    except (Timeout, RuntimeError):
+        # The second where the lock is of this process.
+        return True
+    except OSError:
+        return False
+
+
+@contextlib.contextmanager
+def _marked_as_running(output: Path) -> Iterator[None]:
+    """While it lasts, :func:`is_running` says so; the mark goes with the process, however that ends."""
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(output / RUNNING_LOCK, timeout=_MARK_S, thread_local=False)
+    # Held by another driver, which the process will find out too; or a file system without locks.
+    with contextlib.suppress(Timeout, RuntimeError, OSError, NotImplementedError):
+        if is_plain(output / RUNNING_LOCK) or not os.path.lexists(output / RUNNING_LOCK):
+            lock.acquire()
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def finished_before(task: Task) -> Outcome | None:
@@ -120,7 +171,6 @@ def finished_before(task: Task) -> Outcome | None:
 
 
 def _started(task: Task, campaign: Path, output: Path) -> Outcome:
-    output.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
     code, starts = 0, _starts(output, task.run)
     while starts < MOST_STARTS and not PROCESSES.stopped:
@@ -146,7 +196,7 @@ def _process(task: Task, output: Path) -> tuple[Outcome | None, int]:
         ),
     }
     request = {"campaign": task.campaign, "output": task.output, "choices": dict(task.choices), "prior": task.prior}
-    with (output / LOG_FILE).open("ab") as log:
+    with appended(output / LOG_FILE) as log:
         process = subprocess.Popen(
             task.command or _CHILD,
             stdin=subprocess.PIPE,

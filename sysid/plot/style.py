@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
 from sysid.display import shown_unit
+from sysid.wording import plain_line
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -206,10 +207,7 @@ def axle_color(axle: int | None) -> str:
 
 def label(text: str, longest: int = 48) -> str:
     """User text for a figure: one line, at most `longest` characters, characters that our font lacks as a box."""
-    line = "".join(
-        c if ord(c) in _glyphs() and c.isprintable() else ("\u25af" if c.isprintable() else " ") for c in text
-    )
-    line = " ".join(line.split())
+    line = " ".join("".join(c if ord(c) in _glyphs() else "\u25af" for c in plain_line(text)).split())
     return line if len(line) <= longest else line[: longest - 1] + "\u2026"
 
 

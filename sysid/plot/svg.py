@@ -12,6 +12,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from sysid.plot.style import SETTINGS
+from sysid.wording import plain_line
 
 _SVG = "{http://www.w3.org/2000/svg}"
 _XLINK_HREF = "{http://www.w3.org/1999/xlink}href"
@@ -45,7 +46,7 @@ def svg_element(figure: Figure, prefix: str, description: str) -> str:
         root.attrib.pop(key, None)
     root.set("viewBox", f"0 0 {width:g} {height:g}")
     root.set("role", "img")
-    root.set("aria-label", _printable(description))
+    root.set("aria-label", plain_line(description))
     root.set("class", "figure")
     _collapse(root)
     return ET.tostring(root, encoding="unicode")
@@ -148,7 +149,3 @@ def _collapse(parent: ET.Element) -> None:
         else:
             children.append(child)
     parent[:] = children
-
-
-def _printable(text: str) -> str:
-    return "".join(c if c.isprintable() else " " for c in text)

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 
 from sysid.errors import CampaignError
-from sysid.files import remove_unfinished
+from sysid.files import remove, remove_unfinished
 from sysid.folder_lock import FolderLock, cannot_write
 from sysid.posterior.segments import (
     ChainEnd,
@@ -73,7 +73,7 @@ class Checkpoint:
             remove_unfinished(self._folder)
             # The last goes first: a kill in between leaves a shorter chain, not one with a gap.
             for path in reversed(segment_files(self._folder)[len(stored.segments) :]):
-                path.unlink()
+                remove(path)
         except OSError as error:
             raise cannot_write(self._folder, error) from error
         if stored.segments:

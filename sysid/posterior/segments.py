@@ -2,7 +2,7 @@
 
     segment-000000.npz, segment-000001.npz, ...   draws, log-densities, counts, and the random state at the end
 
-A file is on the disk before the chain goes on (:func:`sysid.files.write_atomically`), so a process can die at any
+A file is on the disk before the chain goes on (:func:`sysid.files.write_bytes`), so a process can die at any
 moment and leaves whole segments only; a reader needs no lock.  Every file has a checksum (:mod:`sysid.array_file`),
 says which run it belongs to, and holds the digest of the segment before it.  What can be read from the first file on,
 without a gap, is the chain.

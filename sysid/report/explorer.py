@@ -16,11 +16,12 @@ import numpy as np
 from markupsafe import Markup
 
 from sysid.display import Z90
-from sysid.numbers import plain_text, speed
+from sysid.numbers import speed
 from sysid.plot import axle_color, channel_title
 from sysid.plot.style import INK, display
 from sysid.results import Results
 from sysid.results.pass_limits import pass_name
+from sysid.wording import plain_text
 
 if TYPE_CHECKING:
     from sysid.estimation.residuals.run_history import RunHistory

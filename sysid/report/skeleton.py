@@ -12,7 +12,8 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from sysid.numbers import MISSING, count, fixed, number, percent, plain_text
+from sysid.numbers import MISSING, count, fixed, number, percent
+from sysid.wording import plain_text
 
 
 def render_page(template: str, content: Mapping[str, Any]) -> str:

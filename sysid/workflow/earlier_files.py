@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
-from sysid.files import read_json, write_text
+from sysid.files import read_json, remove, write_text
 
 _RECORD = Path("stages") / "written.json"
 #: Where reports and exports write: folders below the output folder, and files in it.
@@ -37,7 +37,7 @@ def remove_earlier(folder: Path, ending: str, written: Iterable[Path]) -> list[P
     names = _earlier(folder, ending)
     gone = [path for name in names if name not in present and (path := _own_file(folder, name)) is not None]
     for path in gone:
-        path.unlink(missing_ok=True)
+        remove(path)
     _keep(folder, ending, present)
     return gone
 

@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 
 from sysid.campaign.records import Campaign
 from sysid.errors import CampaignError
-from sysid.files import read_json, remove_unfinished, write_text
+from sysid.files import make_folder, read_json, remove, remove_unfinished, write_text
 from sysid.folder_lock import FolderLock, writing_to
 from sysid.threads import one_blas_thread
 from sysid.workflow import store
@@ -64,7 +64,7 @@ class StageFolder:
         self.read_back: set[str] = set()
         self._version = versions()["sysid"]
         self.lock = FolderLock(output)
-        self.write(lambda: (output / "stages").mkdir(parents=True, exist_ok=True))
+        self.write(lambda: make_folder(output / "stages"))
         #: Seconds of every stage and of its parts, those that it ran first not counted.
         self.timings: dict[str, float] = self._read_timings()
 
@@ -108,7 +108,7 @@ class StageFolder:
         for stage in stages:
             self._results.pop(stage, None)
             if stage.in_file:
-                self.write(partial(self._path(stage).unlink, missing_ok=True))
+                self.write(partial(remove, self._path(stage)))
             if stage.command is not None and stage.command.aside is not None:
                 self.write(partial(remove_earlier, self.path, stage.name, ()))
 
@@ -130,7 +130,7 @@ class StageFolder:
 
     def no_success(self) -> None:
         """Remove the marker of a finished run."""
-        self.write(lambda: (self.path / SUCCESS_MARKER).unlink(missing_ok=True))
+        self.write(lambda: remove(self.path / SUCCESS_MARKER))
 
     def tidy(self) -> None:
         """Remove what killed processes left half-written, down to the files of a load case in ``models/``."""

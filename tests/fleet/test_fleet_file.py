@@ -6,6 +6,7 @@ import errno
 import os
 import shlex
 import sys
+import unicodedata
 from pathlib import Path
 
 import pytest
@@ -114,7 +115,7 @@ def test_a_folder_of_campaigns_is_a_fleet_too(tmp_path: Path) -> None:
         read_fleet(tmp_path / "empty")
     with pytest.raises(CampaignError, match="There is no fleet file"):
         read_fleet(tmp_path / "none.toml")
-    assert result_name("a b/ü.c") == "a-b--.c"
+    assert result_name("a b/ü.c") == "a-b-ü.c"
 
 
 def campaign_at(folder: Path) -> Path:
@@ -237,3 +238,39 @@ def test_without_a_cluster_its_absence_is_one_sentence(tmp_path: Path, monkeypat
     result = CliRunner().invoke(cli, words)
     assert result.exit_code == 2
     assert "pip install 'sysid[cluster]'" in result.stderr
+
+
+NAMES_OF_FOLDERS = (
+    "Грузовик 1",
+    "Грузовик 2",
+    "卡车",
+    "貨車",
+    "شاحنة",
+    "गाड़ी",
+    "Łódź",
+    "a b",
+    "a-b",
+    "A-B",
+    "😀",
+    "🚚",
+)
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+def test_folders_of_any_script_give_a_file_that_can_be_read(tmp_path: Path, form: str) -> None:
+    for name in NAMES_OF_FOLDERS:
+        campaign_at(tmp_path / unicodedata.normalize(form, name))
+    (tmp_path / "fleet.toml").write_text(fleet_text(tmp_path)[0], encoding="utf-8")
+    names = [c.name for _, c in read_fleet(tmp_path).campaigns()]
+    assert len({n.casefold() for n in names}) == len(NAMES_OF_FOLDERS)
+    assert {"Грузовик-1", "Грузовик-2", "卡车", "貨車", "شاحنة", "Łódź"} <= set(names)
+    assert all(len(n.encode()) <= 120 for n in names)
+
+
+def test_long_names_stay_distinct_and_short(tmp_path: Path) -> None:
+    for end in ("一", "二"):
+        campaign_at(tmp_path / ("車" * 60 + end))
+    (tmp_path / "fleet.toml").write_text(fleet_text(tmp_path)[0], encoding="utf-8")
+    names = [c.name for _, c in read_fleet(tmp_path).campaigns()]
+    assert len(set(names)) == 2
+    assert max(len(n.encode()) for n in names) <= 120

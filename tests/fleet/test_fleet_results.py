@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 from fleet_results import BROKEN, MEAN, NAMES, write_fleet_results
@@ -21,7 +24,7 @@ from sysid.fleet.assembly import StoredDraws, assemble
 from sysid.fleet.hierarchy import HyperPriors
 from sysid.fleet.index import schema_text, write_index
 from sysid.fleet.instruments import instrument_problems
-from sysid.fleet.key import file_digests
+from sysid.fleet.key import file_digests, result_digest
 from sysid.fleet.members import members
 from sysid.fleet.outcome import read_outcome, write_outcome
 from sysid.fleet.page import render_fleet, write_fleet_page
@@ -74,7 +77,7 @@ def test_shared_errors_and_lost_records(fleet_folders: tuple[Path, Path], tmp_pa
     scales = SharedError("scales", 0.01, {"stiffness": 1.0, "damping": 1.0}, tuple(f"T{t}-1" for t in range(1, 7)))
     of_type = members(fleet, output, "short truck")
     found = assemble(of_type, (scales,), HyperPriors())
-    assert "campaign T1-1 has no posterior draws and is left out" in found.remarks
+    assert "without posterior draws, and so left out: T1-1" in found.remarks
     assert len(found.members) == 11
     assert found.data.moved.shape == (11, 4, 1)
     assert [bool(m.any()) for m in found.data.moved[:3]] == [False, True, False]
@@ -178,6 +181,7 @@ def judged_fleet(fleet_folders, tmp_path, verdicts):
     for name, verdict in verdicts.items():
         file = campaign_output(output, name) / "result.json"
         file.write_text(json.dumps(json.loads(file.read_text()) | {"verdict": verdict}))
+        write_outcome(file.parent, replace(read_outcome(file.parent), result_sha256=result_digest(file)))
     return output
 
 
@@ -212,7 +216,7 @@ def test_the_page_shows_the_verdicts_and_lists_those_that_forbid(
     tables = {t.css_first("caption").text(): t for t in page.css("table") if t.css_first("caption") is not None}
     (doubtful,) = [t for caption, t in tables.items() if "nobody should bet" in caption]
     (line,) = [[c.text() for c in r.css("th, td")] for r in doubtful.css("tbody tr")]
-    assert (line[0], line[5], line[6]) == ("T1-1", "do not bet", "Walkers are stuck <b>.")
+    assert line == ["1", "T1-1", "done", "do not bet", "Walkers are stuck <b>."]
     listed = {
         r.css("th")[0].text(): [c.text() for c in r.css("td")]
         for r in tables["Campaigns and their reports"].css("tbody tr")
@@ -281,4 +285,98 @@ def test_a_type_that_lacks_trucks_says_which_have_changed(tmp_path: Path) -> Non
     result = CliRunner().invoke(cli, ["fleet", "population", str(folder), "--output", str(output)])
     assert result.exit_code == 3
     assert "Type 'short truck' has 2 trucks with draws" in result.stderr
-    assert "campaign T1-1 is left out: it has changed since it was calibrated (run.csv)" in result.stderr
+    assert "each of 2 campaigns (T1-1 and T1-2) is left out: it has changed since it was calibrated (run.csv)" in (
+        result.stderr
+    )
+
+
+def test_a_campaign_on_which_nobody_should_bet_counts_only_if_asked_for(
+    fleet_folders: tuple[Path, Path], tmp_path: Path
+) -> None:
+    forbidden = {"trust": "do_not_bet", "reasons": ["The model does not explain the data."]}
+    output = judged_fleet(fleet_folders, tmp_path, {"T1-1": forbidden, "T1-2": forbidden, "T2-1": forbidden})
+    fleet = read_fleet(fleet_folders[0])
+    without = members(fleet, output, "short truck")
+    assert {m.campaign for m in without.campaigns}.isdisjoint({"T1-1", "T1-2", "T2-1"})
+    assert len(without.campaigns) == 9
+    assert without.remarks == (
+        "each of 3 campaigns (T1-1, T1-2 and T2-1) is left out: nobody should bet on its numbers",
+    )
+    asked = members(fleet, output, "short truck", with_doubtful=True)
+    assert len(asked.campaigns) == 12
+    assert asked.remarks == (
+        "3 campaigns on whose numbers nobody should bet; they count all the same: T1-1, T1-2 and T2-1",
+    )
+
+
+def test_a_result_that_was_edited_counts_nowhere(fleet_folders: tuple[Path, Path], tmp_path: Path) -> None:
+    pq = pytest.importorskip("pyarrow.parquet")
+    output = tmp_path / "out"
+    shutil.copytree(fleet_folders[1], output)
+    file = campaign_output(output, "T2-1") / "result.json"
+    document = json.loads(file.read_text())
+    document["parameters"][0]["least_squares"]["value"] *= 10.0
+    document["verdict"] = {"trust": "use", "reasons": []}
+    file.write_text(json.dumps(document))
+    (campaign_output(output, "T3-1") / "result.json").unlink()
+    fleet = read_fleet(fleet_folders[0])
+    states = {row.campaign: row for row in rows_on_disk(fleet, output)}
+    assert {name for name, row in states.items() if row.state == "changed"} == {"T2-1", "T3-1"}
+    assert "not the one that was computed" in states["T2-1"].outcome.sentence
+    left = members(fleet, output, "short truck")
+    assert {"T2-1", "T3-1"}.isdisjoint(m.campaign for m in left.campaigns)
+    assert any("T2-1 and T3-1" in remark for remark in left.remarks)
+    tables = write_index(fleet, output)
+    assert {"T2-1", "T3-1"}.isdisjoint(pq.read_table(tables / "parameters.parquet")["campaign"].to_pylist())
+    campaigns = pq.read_table(tables / "campaigns.parquet").to_pandas().set_index("campaign")
+    assert campaigns.loc["T2-1", "state"] == "changed"
+    assert pd.isna(campaigns.loc["T2-1", "verdict"])
+    # What holds the same and was written again, with other times, is the same result.
+    good = campaign_output(output, "T4-1") / "result.json"
+    good.write_text(json.dumps({**json.loads(good.read_text()), "timings": {"fit": 99.0}}, indent=2))
+    assert {row.campaign: row.state for row in rows_on_disk(fleet, output)}["T4-1"] == "done"
+
+
+def test_status_is_told_from_facts(fleet_folders: tuple[Path, Path], tmp_path: Path) -> None:
+    fleet, output = read_fleet(fleet_folders[0]), tmp_path / "out"
+    shutil.copytree(fleet_folders[1], output)
+    for name in ("T1-1", "T1-2"):
+        place = campaign_output(output, name)
+        (place / "fleet_outcome.json").unlink()
+        (place / "fleet_progress.json").write_text('{"stage": "fit", "fraction": 0.5}')
+    script = (
+        "import sys\nfrom pathlib import Path\nfrom sysid.fleet.task import _marked_as_running\n"
+        "with _marked_as_running(Path(sys.argv[1])):\n    print('held', flush=True)\n    sys.stdin.read()\n"
+    )
+    command = [sys.executable, "-c", script, str(campaign_output(output, "T1-2"))]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "held\n"
+        states = {row.campaign: row.state for row in rows_on_disk(fleet, output)}
+        assert (states["T1-1"], states["T1-2"], states["T2-1"]) == ("interrupted", "running", "done")
+        process.kill()
+    assert {row.campaign: row.state for row in rows_on_disk(fleet, output)}["T1-2"] == "interrupted"
+
+
+@pytest.mark.parametrize("trucks", [1, 2])
+def test_one_or_two_trucks_have_a_page_too(tmp_path: Path, trucks: int) -> None:
+    folder, output = write_fleet_results(tmp_path, trucks=trucks)
+    done = CliRunner().invoke(cli, ["fleet", "report", str(folder), "--output", str(output)])
+    assert done.exit_code == 0, done.output
+    page = LexborHTMLParser((output / "fleet.html").read_text(encoding="utf-8"))
+    assert f"has {trucks} trucks with draws; a population needs 3." in page.css_first("main").text()
+    assert len({a.attributes["href"] for a in page.css("a") if "report" in a.attributes["href"]}) == 2 * trucks
+    # The files that the page names are there.
+    assert {"fleet_status.csv", "fleet_population.json"} <= {p.name for p in output.iterdir()}
+    refused = CliRunner().invoke(cli, ["fleet", "population", str(folder), "--output", str(output)])
+    assert refused.exit_code == 3
+
+
+def test_one_sentence_about_many_campaigns_is_said_once(
+    fleet_results: FleetResults, fleet_folders: tuple[Path, Path], tmp_path: Path
+) -> None:
+    same = {"trust": "with_care", "reasons": ["The range of damper speeds is short."]}
+    names = [f"T{t}-{c}" for t in range(1, 7) for c in (1, 2)]
+    output = judged_fleet(fleet_folders, tmp_path, dict.fromkeys(names, same))
+    page = write_fleet_page(fleet_results, list(rows_on_disk(fleet_results.fleet, output)), output).read_text()
+    assert page.count("The range of damper speeds is short.") == 1
+    assert "T1-1, T1-2, T2-1, T2-2, T3-1, T3-2 and 6 more" in page

@@ -190,7 +190,7 @@ def test_a_killed_driver_goes_on_where_it_was(tmp_path: Path) -> None:
     while any(_alive(p) for p in left):
         assert time.monotonic() < deadline, "processes outlive their driver"
         time.sleep(0.05)
-    assert {r.state for r in list(rows_on_disk(read_fleet(folder), output))[2:]} <= {"running", "queued"}
+    assert {r.state for r in list(rows_on_disk(read_fleet(folder), output))[2:]} <= {"running", "queued", "interrupted"}
     rows = run(folder, output)
     assert {row.state for row in rows.values()} == {"done"}
     # Nothing finished was computed twice, and being killed with the driver does not count against a campaign.

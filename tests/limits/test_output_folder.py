@@ -8,7 +8,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from sysid.cli.output_option import OutputFolder
+from sysid.cli.output_option import folder
 from sysid.errors import CampaignError
 from sysid.output_folder import output_folder
 
@@ -54,7 +54,7 @@ def test_the_option_exits_with_2_before_anything_runs(name: str) -> None:
     ran = []
 
     @click.command()
-    @click.option("--output", default="output", type=OutputFolder())
+    @click.option("--output", default="output", type=folder)
     def command(output: Path) -> None:
         ran.append(output)
 

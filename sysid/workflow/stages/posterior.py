@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from sysid.display import NOT_DETERMINED, TextTable, shown_unit
 from sysid.errors import NotConvergedError
+from sysid.files import remove
 from sysid.workflow.sources import code_digest
 from sysid.workflow.stage import Blocks, Command, Context, Whole
 from sysid.workflow.stages.data import SCAN
@@ -81,7 +82,7 @@ def _without_chain(output: Path) -> None:
         from sysid.posterior.segments import segment_files
 
         for path in reversed(segment_files(output / CHAIN)):
-            path.unlink()
+            remove(path)
 
 
 def _can_go_on(posterior: Posterior, settings: Settings) -> bool:
