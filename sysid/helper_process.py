@@ -11,9 +11,10 @@ import os
 import pickle
 import subprocess
 import sys
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
@@ -27,6 +28,9 @@ _Result = TypeVar("_Result")
 _CHILD = Path(__file__).with_name("helper_child.py")
 #: Items that the helper has before it: one that it works on, and the next.
 _AHEAD = 2
+#: How long an answer is waited for [s], and that many times what the longest item took here: the helper may be slower,
+#: or begin with imports.
+_PATIENCE_S, _PATIENCE = 5.0, 10.0
 #: It keeps one core busy, also in the linear algebra.
 _ONE_THREAD = dict.fromkeys(("SYSID_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"), "1")
 
@@ -144,10 +148,11 @@ def shared_with_helper(function: Callable[[_Item], _Result], items: Iterable[_It
     """
     work, helper = tuple(items), _Kept.helper
     results: dict[int, _Result] = {}
+    longest = 0.0
     left, given = deque(range(len(work))), deque[tuple[int, Future[_Result]]]()
     while left:
         while given and given[0][1].done():
-            _receive(given.popleft(), results)
+            _receive(given.popleft(), results, 0.0)
         # The last item is not worth the wait for another process.
         while helper is not None and len(given) < _AHEAD and len(left) > 1:
             number = left.pop()
@@ -158,21 +163,28 @@ def shared_with_helper(function: Callable[[_Item], _Result], items: Iterable[_It
                 left.append(number)
                 helper = None
         number = left.popleft()
+        begun = time.monotonic()
         results[number] = function(work[number])
+        longest = max(longest, time.monotonic() - begun)
     while given:
         # What it has not begun is taken back.
         if len(given) > 1 and given[-1][1].cancel():
             number, _ = given.pop()
             results[number] = function(work[number])
-        else:
-            _receive(given.popleft(), results)
+        elif not _receive(given.popleft(), results, _PATIENCE_S + _PATIENCE * longest) and _Kept.helper is helper:
+            # It is stopped, or starved: what it owes is done here, and it is asked no more.
+            end_helper()
     for number in set(range(len(work))) - set(results):
         # The helper failed: if the item is at fault, its error comes from here.
         results[number] = function(work[number])
     return tuple(results[number] for number in range(len(work)))
 
 
-def _receive(given: tuple[int, Future[_Result]], results: dict[int, _Result]) -> None:
+def _receive(given: tuple[int, Future[_Result]], results: dict[int, _Result], patience_s: float) -> bool:
+    """Take what the helper has computed; False if it has said nothing for so long."""
+    wait([given[1]], patience_s)
     # A cancelled future raises what is no Exception.
     with suppress(Exception, CancelledError):
-        results[given[0]] = given[1].result()
+        if given[1].done():
+            results[given[0]] = given[1].result()
+    return given[1].done()

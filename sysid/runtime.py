@@ -95,8 +95,9 @@ def configure() -> None:
     """Switch JAX to 64-bit floats and the processor, keep its compiled functions between runs, and share few heaps.
 
     A cache folder that cannot be written is done without, and so is, with a warning, one that others can write to
-    (:func:`private_cache`).
+    (:func:`private_cache`).  SysidError in a process that was forked from one that had computed.
     """
+    refuse_fork()
     _use_few_heaps()
     import jax
 
@@ -159,9 +160,41 @@ def return_memory() -> None:
 
 
 class _Process:
-    """Whether this process runs nothing else than this program."""
+    """What is known of this process.
+
+    `ours`: it runs nothing else than this program; `computes`: JAX may have threads in it; `orphan`: it was forked from
+    such a process, and these threads did not come along.
+    """
 
     ours = False
+    computes = False
+    orphan = False
+
+
+def _forked() -> None:
+    _Process.orphan |= _Process.computes
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forked)
+
+
+def refuse_fork() -> None:
+    """Refuse to compute in a process in which the threads of JAX are missing: it would wait for them without an end.
+
+    From now on, processes that are forked from this one are refused.
+
+    Raises
+    ------
+    SysidError
+        If this process was forked from one that had computed.
+    """
+    if _Process.orphan:
+        raise SysidError(
+            "This process was forked from one that had computed before, and threads that it needs did not come along; "
+            "start processes by multiprocessing.get_context('spawn')."
+        )
+    _Process.computes = True
 
 
 def own_process() -> None:
@@ -268,8 +301,9 @@ def require_64_bit() -> None:
     Raises
     ------
     SysidError
-        If 64-bit floats of JAX are off.
+        If 64-bit floats of JAX are off, or this process was forked from one that had computed.
     """
+    refuse_fork()
     import jax
 
     if not jax.config.read("jax_enable_x64"):

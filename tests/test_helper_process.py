@@ -157,6 +157,21 @@ def test_a_helper_whose_answers_cannot_be_read_is_asked_no_more():
         assert helper._process.wait(timeout=10) != 0
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signals")
+def test_what_a_stopped_helper_owes_is_done_here(monkeypatch):
+    monkeypatch.setattr(helper_process, "_PATIENCE_S", 0.5)
+    with helped_by(("math",)):
+        helper = helper_process._Kept.helper
+        assert len(set(shared_with_helper(process_of, range(40)))) == 2
+        helper._process.send_signal(signal.SIGSTOP)
+        begun = time.monotonic()
+        assert shared_with_helper(square, range(20)) == tuple(x * x for x in range(20))
+        assert time.monotonic() - begun < 20.0
+        # It is asked no more, and does not stay behind.
+        assert helper_process._Kept.helper is None
+        assert helper._process.poll() is not None
+
+
 def test_one_core_has_no_helper(monkeypatch):
     monkeypatch.setenv("SYSID_THREADS", "1")
     begin_helper(("math",))

@@ -65,9 +65,12 @@ def members(fleet: Fleet, output: Path, kind: str, with_doubtful: bool = False) 
             if doubtful and not with_doubtful:
                 left_out.setdefault("nobody should bet on its numbers", []).append(campaign.name)
                 continue
-            said = (doubtful and _DOUBTED, _STATUS.get(outcome.status), bool(different.missing) and _NOT_HERE)
-            for words in filter(None, said):
-                noted[words].append(campaign.name)
+            if doubtful:
+                noted[_DOUBTED].append(campaign.name)
+            if outcome.status in _STATUS:
+                noted[_STATUS[outcome.status]].append(campaign.name)
+            if different.missing:
+                noted[_NOT_HERE].append(campaign.name)
             found.append(Member(truck.name, campaign.name, folder, outcome.status))
     remarks = [_left_out(names, why) for why, names in left_out.items()]
     remarks += [f"{count(len(names), 'campaign')} {what}: {listing(names)}" for what, names in noted.items() if names]

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from sysid.runtime import refuse_fork
 from sysid.threads import thread_count
 from sysid.vehicle_model.device_arrays import HostOrDevice
 from sysid.vehicle_model.native import build, header, prebuilt
@@ -150,6 +151,7 @@ def run(call: Call) -> list[HostOrDevice]:
     BuildError
         If there is no engine to be had on this machine.
     """
+    refuse_fork()
     arrays = call.ordered()
     shapes = [shape(result, call.sizes) for result in ENTRIES[call.entry].results]
     library = _loaded(call.sizes["nb"]).library
