@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,9 +13,9 @@ from sysid.bookkeeping.force_balance import run_spectra
 from sysid.bookkeeping.masses import mass_complaints
 from sysid.bookkeeping.measured import measured_values
 from sysid.bookkeeping.names import name_complaints
-from sysid.bookkeeping.places import place_complaints, runs_without_bump, second_passes
+from sysid.bookkeeping.places import Places, place_complaints, runs_without_bump, second_passes
 from sysid.bookkeeping.pressures import pressure_complaints
-from sysid.bookkeeping.sensors import place_of_frame_sensors, sensor_complaints
+from sysid.bookkeeping.sensors import SensorFault, place_of_frame_sensors, sensor_complaints
 from sysid.bookkeeping.usual import BALANCED, MASSES, declared_values
 from sysid.bookkeeping.wheels import bump_complaints, filter_complaint, hop_frequencies, unsprung_exchanged
 from sysid.campaign.findings import QualityReport, RunSpeed, ScanFinding
@@ -24,6 +25,8 @@ from sysid.campaign.records import Campaign, Scan
 from sysid.errors import DataRejectedError
 from sysid.road.road_profile import RoadProfile, ScanAnalysis
 from sysid.road.scan import analyse_scan
+
+T = TypeVar("T")
 
 
 def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
@@ -57,20 +60,28 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
     said = name_complaints(read)
     said += pressure_complaints(campaign)
     places = place_complaints(runs, passages, vehicle)
-    said += [*places, *second_passes(runs, passages), *runs_without_bump(runs, passages)]
-    said += _sentences(lambda: sensor_complaints(runs, vehicle))
-    said += _sentences(lambda: place_of_frame_sensors(runs, vehicle))
+    # Sensors are judged at the places that the arrivals show: one wrong place is no fault of a sensor beside it. But a
+    # sensor that is late against the others of its axle is no axle elsewhere.
+    no_faults: list[SensorFault] = []
+    faults = _solved(lambda: sensor_complaints(runs, places.vehicle or vehicle), no_faults)
+    if places.axle in {fault.axle for fault in faults if fault.lag_s}:
+        places = Places(places.said[:-1], vehicle)
+    said += [*places.said, *second_passes(runs, passages), *runs_without_bump(runs, passages)]
+    there = places.vehicle
+    if there is not None:
+        said += [fault.said for fault in faults]
+        said += _sentences(lambda: place_of_frame_sensors(runs, there))
     said += _sentences(lambda: filter_complaint(runs, campaign.acquisition.filter))
     declared = declared_values(campaign)
     # All that follows rests on the places of the axles, and the balance of the frames on what enters it.
-    spectra = [] if places else [s for run in runs if (s := run_spectra(run, vehicle)) is not None]
+    spectra = [] if places.said else [s for run in runs if (s := run_spectra(run, vehicle)) is not None]
     unclear = any(d.unusual and BALANCED & {n.key for n in d.powers} for d in declared)
     masses = _sentences(lambda: mass_complaints(campaign, spectra, unclear))
-    hop_hz = {} if places else hop_frequencies(runs, passages, vehicle)
+    hop_hz = {} if places.said else hop_frequencies(runs, passages, vehicle)
     exchanged = _sentences(lambda: unsprung_exchanged(hop_hz, vehicle))
     measured = measured_values(campaign, {} if exchanged else hop_hz, [] if masses or unclear else spectra)
     said += [*masses, *exchanged, *sentences([*declared, *measured], [MASSES])]
-    if not places:
+    if not places.said:
         said += _sentences(lambda: bump_complaints(runs, passages, profiles))
         said += _sentences(lambda: drop_complaints(campaign, [] if masses else spectra))
     findings = tuple(_scan_finding(name, campaign.scans[name], scan) for name, scan in scans.items())
@@ -79,12 +90,16 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
 
 
 def _sentences(compare: Callable[[], Sequence[str] | str | None]) -> list[str]:
-    """What a comparison says; nothing where its equations have no solution, as with readings of no sense."""
-    try:
-        findings = compare()
-    except np.linalg.LinAlgError:
-        return []
+    findings = _solved(compare, None)
     return [findings] if isinstance(findings, str) else list(findings or ())
+
+
+def _solved(compare: Callable[[], T], otherwise: T) -> T:
+    """What a comparison says; something else where its equations have no solution, as with readings of no sense."""
+    try:
+        return compare()
+    except np.linalg.LinAlgError:
+        return otherwise
 
 
 def _scans(scans: Mapping[str, Scan]) -> tuple[dict[str, ScanAnalysis], list[str]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,8 +37,21 @@ MOST_RUNS = 0.6
 PLACE_RIGHT_M = 0.06
 
 
-def place_complaints(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], vehicle: Vehicle) -> list[str]:
-    """Sentences about the order of the axles, their places and the listed speeds.
+@dataclass(frozen=True)
+class Places:
+    """What arrivals say of places and speeds: sentences, and the vehicle whose places explain them.
+
+    `vehicle` is None where a place is wrong, but it is not clear which or by how much. `axle` is the one that the last
+    sentence is about, if it is about one.
+    """
+
+    said: tuple[str, ...]
+    vehicle: Vehicle | None
+    axle: int | None = None
+
+
+def place_complaints(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], vehicle: Vehicle) -> Places:
+    """What is wrong with the order of the axles, their places and the listed speeds.
 
     Parameters
     ----------
@@ -49,17 +63,20 @@ def place_complaints(runs: Sequence[BumpRun], passages: Mapping[str, Passage | N
     short = _cut_off(runs, vehicle)
     seen = [(run, passage) for run in runs if (passage := passages.get(run.log.file)) is not None]
     if not seen:
-        return short
+        return Places(tuple(short), vehicle)
     backward = [run for run, passage in seen if passage.speed_m_s < 0.0]
     if len(backward) > 0.5 * len(seen):
-        return [
+        sentence = (
             f"In {len(backward)} of {len(runs)} runs the last axle of the list meets the bump first: the axles are "
             "listed from the rear. Give x_m as the distance behind the front axle, with hitch_x_m and the x_m of the "
             "sensors, or drive forward."
-        ]
+        )
+        return Places((sentence,), None)
     forward = [p for _, p in seen if p.speed_m_s > 0.0 and p.whole]
     moved = _misplaced_axle(forward, vehicle) or _axle_out_of_time(forward, vehicle)
-    return [*short, *([moved] if moved else _all_speeds(seen, vehicle))]
+    if moved is None:
+        return Places((*short, *_all_speeds(seen, vehicle)), vehicle)
+    return replace(moved, said=(*short, *moved.said))
 
 
 def _cut_off(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
@@ -161,8 +178,8 @@ def _all_speeds(seen: Sequence[tuple[BumpRun, Passage]], vehicle: Vehicle) -> li
     ]
 
 
-def _misplaced_axle(passages: Sequence[Passage], vehicle: Vehicle) -> str | None:
-    """One axle that is not at its place in any run, while the others are at theirs."""
+def _misplaced_axle(passages: Sequence[Passage], vehicle: Vehicle) -> Places | None:
+    """One axle that is not at its place in any run, while the others are at theirs, and the vehicle with it there."""
     axles, x, along = _ways(passages, vehicle)
     if len(axles) < 3:
         return None
@@ -182,10 +199,15 @@ def _misplaced_axle(passages: Sequence[Passage], vehicle: Vehicle) -> str | None
     others = [(o, j) for r, o, j in explained if j != k and r < max(1.5 * rest, 0.03) and abs(o) > PLACE_OFF_M]
     choices = [f"'{shorten(vehicle.axles[axles[j]].name)}' at {x[j] + o:.2f} m instead of {x[j]:.2f} m"
                for o, j in [(off, k), *sorted(others, key=lambda c: c[1])]]  # fmt: skip
-    return (
+    sentence = (
         f"In {len(passages)} runs one axle does not meet the bump when its x_m says: the axle positions x_m should be "
         f"{'; or '.join(choices)}. Measure the distances between the axles."
     )
+    if others:
+        return Places((sentence,), None, axles[k])
+    at = {axles[k]: x[k] + off}
+    there = tuple(replace(a, x_m=float(at.get(i, a.x_m))) for i, a in enumerate(vehicle.axles))
+    return Places((sentence,), replace(vehicle, axles=there), axles[k])
 
 
 def _ways(passages: Sequence[Passage], vehicle: Vehicle) -> tuple[list[int], np.ndarray, np.ndarray]:
@@ -219,7 +241,7 @@ def _scatter(values: np.ndarray) -> float:
     return 1.5 * float(np.median(np.abs(values - np.median(values))))
 
 
-def _axle_out_of_time(passages: Sequence[Passage], vehicle: Vehicle) -> str | None:
+def _axle_out_of_time(passages: Sequence[Passage], vehicle: Vehicle) -> Places | None:
     """One axle that all runs show too late or too early, by a time or by no one distance, while the others are right.
 
     What is late by a time goes through a box of its own; a wrong place is off by a distance, at all speeds.
@@ -236,16 +258,18 @@ def _axle_out_of_time(passages: Sequence[Passage], vehicle: Vehicle) -> str | No
         late = offs[seen] / speed[seen]
         name = shorten(vehicle.axles[axle].name)
         if _scatter(late) * float(np.median(speed)) < PLACE_RIGHT_M:
-            return (
+            sentence = (
                 f"All sensors of the axle '{name}' show the bump {1e3 * abs(np.median(late)):.0f} ms too "
                 f"{'late' if np.median(late) > 0 else 'early'} (median of {seen.sum()} runs), at all speeds: another "
                 "logger or amplifier; correct their time, or declare the loggers by [[logger]]."
             )
-        return (
+            return Places((sentence,), None, axle)
+        sentence = (
             f"In {np.sum(np.abs(offs[seen]) > PLACE_OFF_M)} of {seen.sum()} runs the axle '{name}' does not meet the "
             "bump when its place x_m says, and no other place explains it: check the clock of its sensors, and at "
             "which axle they are mounted."
         )
+        return Places((sentence,), None, axle)
     return None
 
 

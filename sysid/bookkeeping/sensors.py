@@ -43,8 +43,17 @@ class Equation:
     parts: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def sensor_complaints(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
-    """Sentences about sensors whose gain, clock or wiring is not that of the others of their axle."""
+@dataclass(frozen=True)
+class SensorFault:
+    """One sensor of an axle that contradicts the two others: a sentence, and its lag [s]."""
+
+    axle: int
+    said: str
+    lag_s: float = 0.0
+
+
+def sensor_complaints(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[SensorFault]:
+    """Sensors whose gain, clock or wiring is not that of the others of their axle."""
     equations: dict[int, list[Equation]] = {}
     sensors: dict[int, tuple[Sensor, ...]] = {}
     leaks: dict[int, list[dict[str, np.ndarray]]] = {}
@@ -58,12 +67,8 @@ def sensor_complaints(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
             equations.setdefault(trio.axle, []).append(equation)
             sensors[trio.axle] = tuple(c.sensor for c in trio.channels)
             leaks.setdefault(trio.axle, []).append(_others(trio, record, window, omega))
-    said = []
-    for axle in sorted(equations):
-        sentence = _fault(equations[axle], sensors[axle], leaks[axle])
-        if sentence is not None:
-            said.append(sentence)
-    return said
+    faults = (_fault(axle, equations[axle], sensors[axle], leaks[axle]) for axle in sorted(equations))
+    return [fault for fault in faults if fault is not None]
 
 
 class _Record:
@@ -144,8 +149,8 @@ class _Explanation:
 
 
 def _fault(
-    equations: Sequence[Equation], sensors: Sequence[Sensor], others: Sequence[dict[str, np.ndarray]]
-) -> str | None:
+    axle: int, equations: Sequence[Equation], sensors: Sequence[Sensor], others: Sequence[dict[str, np.ndarray]]
+) -> SensorFault | None:
     right = sum(_power(e.parts[0] - e.parts[1] - e.parts[2]) for e in equations)
     tried = [_one_wrong(equations, k) for k in range(3)]
     tried.append(_high_passed(equations))
@@ -162,26 +167,31 @@ def _fault(
     doubt = "" if best.rest < CLEARER * rival else " (or another sensor of this axle is wrong)"
     name = quoted(sensors[best.sensor])
     if best.source:
-        return (
+        return SensorFault(
+            axle,
             f"{name} contains about {100 * best.leak:.0f} % of '{best.source}' (crosstalk){doubt}; check cable, "
-            "connector and amplifier, or remove the sensor."
+            "connector and amplifier, or remove the sensor.",
         )
     if best.corner_hz:
-        return (
+        return SensorFault(
+            axle,
             f"{name} lacks what is slower than about {best.corner_hz:.1g} Hz, as behind a high-pass filter (AC "
-            f"coupling){doubt}; record it with DC coupling."
+            f"coupling){doubt}; record it with DC coupling.",
         )
     if abs(best.lag_s) > LAG_S:
         word = "late" if best.lag_s > 0.0 else "early"
         also = f", and reads {best.gain:.2f} times what they imply" if abs(best.gain - 1.0) > GAIN_OFF else ""
-        return (
+        return SensorFault(
+            axle,
             f"{name} is {1e3 * abs(best.lag_s):.0f} ms {word} against the other sensors of its axle{also}{doubt}: "
-            "another filter, amplifier or logger; correct its time."
+            "another filter, amplifier or logger; correct its time.",
+            best.lag_s,
         )
     if abs(best.gain - 1.0) > GAIN_OFF:
-        return (
+        return SensorFault(
+            axle,
             f"{name} reads {best.gain:.2f} times what the other sensors of its axle imply{doubt}; check its "
-            f"calibration, or set scale = {1.0 / best.gain:.3f} for it in campaign.toml."
+            f"calibration, or set scale = {1.0 / best.gain:.3f} for it in campaign.toml.",
         )
     return None
 

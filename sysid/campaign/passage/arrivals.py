@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sysid import limits
 from sysid.campaign.gaps import unseen
+from sysid.campaign.passage.places import found_elsewhere
 from sysid.campaign.records import Channel
 from sysid.campaign.vehicle_records import Vehicle
 
@@ -44,11 +45,15 @@ _QUIET = 0.5
 
 @dataclass(frozen=True)
 class Arrival:
-    """Time [s] at which an axle is lifted; `upward` 1 or -1 as its sensor shows it, `rise_m_s` its speed then."""
+    """Time [s] at which an axle is lifted; `upward` 1 or -1 as its sensor shows it, `rise_m_s` its speed then.
+
+    `certain` is false if the motion is no clearer that of a sensor upside down than that of an axle at another place.
+    """
 
     time_s: float
     upward: int
     rise_m_s: float
+    certain: bool = True
 
 
 @dataclass(frozen=True)
@@ -172,6 +177,16 @@ def _passage(
         if arrival is not None and _is_seen(missing[axle], arrival.time_s):
             arrivals[axle] = arrival
     line = _line({a: (x[a], v.time_s) for a, v in arrivals.items()})
+    if line is not None:
+        # Places before signs: an axle that falls near its place may have been lifted elsewhere.
+        met = {a: (v.time_s, v.upward) for a, v in arrivals.items()}
+        elsewhere, doubtful = found_elsewhere(met, rising, x, line[0])
+        arrivals = {a: replace(v, certain=a not in doubtful) for a, v in arrivals.items()}
+        for axle, (at, upward) in elsewhere.items():
+            if _is_seen(missing[axle], at):
+                size = arrivals[axle].rise_m_s if axle in arrivals else float(np.max(np.abs(rising[axle][1])))
+                arrivals[axle] = Arrival(at, upward, size)
+        line = _line({a: (x[a], v.time_s) for a, v in arrivals.items()})
     if line is None or 2 * sum(_quiet_before(rising[a], v.time_s, pace) for a, v in arrivals.items()) < seen:
         return None
     begin, end = (f(v.time_s for v in arrivals.values()) for f in (min, max))

@@ -286,7 +286,7 @@ def axles_shown_falling(runs: Sequence[tuple[Sequence[Channel], float]], vehicle
         off = passage.misplaced_m(vehicle)
         largest = max(a.rise_m_s for a in passage.arrivals.values())
         for axle, met in passage.arrivals.items():
-            if abs(off[axle]) < _ON_TIME_M and met.rise_m_s > 0.3 * largest:
+            if abs(off[axle]) < _ON_TIME_M and met.rise_m_s > 0.3 * largest and (met.certain or met.upward > 0):
                 votes.setdefault(axle, []).append(met.upward < 0)
     falling = [axle for axle, down in votes.items() if np.mean(down) > 0.6]
     return frozenset(falling) if 2 * len(falling) <= len(votes) else frozenset()

@@ -1,0 +1,64 @@
+"""A wrong place is said as a wrong place: neither as a sign of healthy sensors nor as a gain of those beside it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import pytest
+
+from sysid.bookkeeping import check_bookkeeping
+from sysid.campaign import read_campaign
+from sysid.campaign.quality.check import check_quality
+from sysid.campaign.records import Campaign, Channel
+from sysid.road.point_cloud import read_point_cloud
+
+ROOT = Path(__file__).parents[2]
+
+
+@lru_cache(maxsize=2)
+def truck(name: str) -> Campaign:
+    """Some runs at all speeds, without drops and scan."""
+    campaign = read_campaign(ROOT / name, point_cloud_reader=read_point_cloud)
+    return replace(campaign, plank_drops=(), scans={}, bump_runs=campaign.bump_runs[::2])
+
+
+def said(campaign: Campaign) -> str:
+    screened, report = check_quality(campaign)
+    return "\n".join((*report.messages, *check_bookkeeping(screened, campaign).messages))
+
+
+# Each of these was said as the sign of the axle's sensors, as their clock, or as a gain or place of sensors beside it.
+@pytest.mark.parametrize(
+    ("name", "axle", "by_m"),
+    [
+        ("examples/linear_truck", 1, 0.8),
+        ("examples/linear_truck", 4, 0.8),
+        ("examples/linear_truck", 4, -1.2),
+        ("data", 0, 0.8),
+        ("data", 3, 0.8),
+    ],
+)
+def test_an_axle_off_its_place_is_no_wrong_sign(name: str, axle: int, by_m: float) -> None:
+    campaign = truck(name)
+    right = campaign.vehicle.axles[axle].x_m
+    axles = tuple(replace(a, x_m=a.x_m + by_m * (i == axle)) for i, a in enumerate(campaign.vehicle.axles))
+    text = said(replace(campaign, vehicle=replace(campaign.vehicle, axles=axles)))
+    ((found, listed),) = re.findall(r"at (-?\d+\.\d+) m instead of (-?\d+\.\d+) m", text)
+    assert float(found) == pytest.approx(right, abs=0.07)
+    assert float(listed) == pytest.approx(right + by_m, abs=0.01)
+    assert not re.search(r"wrong sign|times what|crosstalk|moves as the frame|clock of its sensors", text)
+
+
+def test_an_axle_whose_sensors_are_upside_down_is_at_its_place() -> None:
+    def turned(c: Channel) -> Channel:
+        ours = c.sensor.column in ("axle2_accel_g", "lvdt2_mm", "frame2_accel_g")
+        return replace(c, value=-c.value) if ours else c
+
+    campaign = truck("data")
+    runs = [replace(r, log=replace(r.log, channels=tuple(map(turned, r.log.channels)))) for r in campaign.bump_runs]
+    text = said(replace(campaign, bump_runs=tuple(runs)))
+    assert "'axle2_accel_g' has the wrong sign" in text
+    assert "m instead of" not in text
