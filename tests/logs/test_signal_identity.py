@@ -293,6 +293,22 @@ def test_a_group_of_mdf_without_a_master_has_no_time() -> None:
         read("log.mf4", changed_mdf(change), [Q])
 
 
+@pytest.mark.parametrize(
+    ("name", "unit", "said"), [("time", "s", None), ("x", "deg", "x [deg]"), ("crank", "", "crank")]
+)
+def test_a_master_of_mdf_without_a_kind_says_it_by_name_and_unit(name: str, unit: str, said: str | None) -> None:
+    def change(master, channel) -> None:
+        master.name, master.unit, master.sync_type = name, unit, 0
+
+    data = changed_mdf(change)
+    if said is None:
+        np.testing.assert_array_equal(channels("log.mf4", data, "q_mm")[0].clock.time_s, FIRST_S)
+    else:
+        with pytest.raises(DataRejectedError) as error:
+            read("log.mf4", data, [Q])
+        assert f"its axis is {said}, not time" in str(error.value)
+
+
 def test_segments_of_lvm_with_one_name_keep_their_clocks() -> None:
     def segment(name: str, step: str, start: str) -> list[str]:
         rows = [f"\t{v:.3f}\t" for v in pulse(FIRST_S)]

@@ -11,8 +11,8 @@ import numpy as np
 from sysid.logs.by_library import library_format
 from sysid.logs.file_channels import FileChannel, RefusedError, axis_seconds
 
-#: Synchronisation types of a master channel (MDF 4.1, channel block, cn_sync_type).
-_AXES = {0: "", 1: "time", 2: "angle", 3: "distance", 4: "index"}
+#: Synchronisation types of a master channel (MDF 4.1, channel block, cn_sync_type); with 0 its name has to say it.
+_AXES = {1: "time", 2: "angle", 3: "distance", 4: "index"}
 #: Flag of a channel without any valid sample.
 _ALL_INVALID = 1
 #: Flag of a channel group whose master stands in another one (MDF 4.2).
@@ -75,7 +75,7 @@ def _time(file: Any, number: int, label: str) -> np.ndarray:
     if place is None:
         raise RefusedError(f"has no channel of time in the group '{label[:60]}'; export it again with its time")
     master = file.groups[owner].channels[place]
-    factor = axis_seconds(_AXES.get(getattr(master, "sync_type", 1), "a quantity"), _unit(master), label)
+    factor = axis_seconds(_AXES.get(getattr(master, "sync_type", 1), str(master.name)), _unit(master), label)
     return np.asarray(file.get_master(number), np.float64) * factor
 
 
