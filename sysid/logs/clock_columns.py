@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.logs.stamps import in_seconds
 from sysid.wording import joined_words, shorten
 
 #: Columns that a sentence lists.
@@ -53,6 +54,8 @@ def time_of_channel(
     SeveralTimesError
         If several can be its time and none of them stands nearest to the left, or the declared one is another one.
     """
+    if len(times) > 1:
+        times = [replace(t, stamps=in_seconds(t.stamps)) for t in times]
     able = [t for t in _advancing(times) if _stamps_readings(t, values)] or list(times)
     said = next((t for t in able if t.place in declared), None)
     if len(able) == 1:

@@ -48,17 +48,9 @@ def settled(clock: Clock, label: str) -> tuple[Clock, tuple[str, ...]]:
     known = np.flatnonzero(np.isfinite(stamps))
     if known.size < _LEAST_ROWS:
         return clock, ()
-    seen = stamps[known]
     column = f"the column of time '{clock.name[:60]}'"
-    for notation, words in (
-        (_since_1970, f"{label}: {column} counts parts of a second since 1970, by its size, and is read so."),
-        (_of_day, f"{label}: {column} is a time of day in digits, HHMMSS, and is read so."),
-        (_summed, f"{label}: {column} holds the time since the row before; it is added up."),
-    ):
-        read = notation(seen)
-        if read is not None:
-            said.append(words)
-            seen = read
+    seen, notations = _in_seconds(stamps[known])
+    said += [f"{label}: {column} {notation}." for notation in notations]
     even = _evened(seen, known)
     if even is None and not said:
         return clock, ()
@@ -74,6 +66,31 @@ def settled(clock: Clock, label: str) -> tuple[Clock, tuple[str, ...]]:
             f"share the stamp of the row before; by their count the rows are {step:.5g} s apart ({1.0 / step:.5g} Hz)."
         )
     return replace(clock, time_s=result, counted=shared > 0), tuple(said)
+
+
+def in_seconds(stamps: np.ndarray) -> np.ndarray:
+    """Stamps (n,), NaN where missing, as seconds that can be compared with those of another column."""
+    known = np.isfinite(stamps)
+    if np.count_nonzero(known) < _LEAST_ROWS:
+        return stamps
+    result = stamps.copy()
+    result[known] = _in_seconds(stamps[known])[0]
+    return result
+
+
+def _in_seconds(seen: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Stamps in seconds, and what they were."""
+    said = []
+    for notation, words in (
+        (_since_1970, "counts parts of a second since 1970, by its size, and is read so"),
+        (_of_day, "is a time of day in digits, HHMMSS, and is read so"),
+        (_summed, "holds the time since the row before; it is added up"),
+    ):
+        read = notation(seen)
+        if read is not None:
+            said.append(words)
+            seen = read
+    return seen, said
 
 
 def _since_1970(stamps: np.ndarray) -> np.ndarray | None:

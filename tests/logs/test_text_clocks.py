@@ -104,6 +104,24 @@ def test_a_time_of_another_name_is_noticed_by_its_end() -> None:
     assert np.isnan(read("time_s;a;Takt;q\n" + rows).channels[0].value).sum() == 200
 
 
+def test_a_slow_clock_that_is_held_is_the_time_of_nobody() -> None:
+    """GPS time of day, HHMMSS, ten times a second, repeated between: the rows are those of the finer column."""
+
+    def gps(i: int) -> str:
+        t = 36_359.2 + 0.005 * i
+        return "{:02d}{:02d}{:04.1f}".format(*in_parts(np.floor(t * 10.0 + 1e-6) / 10.0 + 1e-9))
+
+    rows = "".join(f"{0.005 * i:.3f};{i};{gps(i)};{i}\n" for i in range(400))
+    for channel in read("time_s;q;GPS time;a\n" + rows).channels:
+        np.testing.assert_allclose(channel.time_s, 0.005 * np.arange(400), atol=1e-9)
+
+
+def test_clocks_that_never_meet_are_named() -> None:
+    text = side_by_side("time_s;a;time2_s;q", zero=500.0)
+    with pytest.raises(DataRejectedError, match=r"'time_s' ends at 0.9975 s, that in 'time2_s' begins at 500 s"):
+        read(text)
+
+
 def test_rows_without_a_stamp_at_the_end_are_blank_only_if_they_hold_nothing() -> None:
     rows = "".join(f"{0.005 * i:.3f};{i};{i}\n" for i in range(100))
     log = read("time_s;q;a\n" + rows + ";;\n" * 80)
