@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import rigid_truck
 
-from sysid.campaign import read_campaign
+from sysid.campaign import check_quality, read_campaign
 from sysid.campaign.quality.bellows import ATMOSPHERE_PA, USUAL_HEIGHT_M, extension, with_bellows
 from sysid.campaign.records import BumpRun, Channel, Log, Sensor
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
@@ -64,6 +64,16 @@ def test_a_pressure_becomes_a_channel_of_its_axle():
         ("bellows_extension", 1),
     ]
     assert [c.sensor.kind for c in log.auxiliary] == ["air_pressure"]
+
+
+def test_a_campaign_that_is_checked_again_stays_as_it_is():
+    """As selftests do with the runs of a checked campaign."""
+    data = replace(read_campaign(DATA), bump_runs=(run_of(channel(gauge(EXTENSION_M), axle=1)),), plank_drops=())
+    once, _ = check_quality(data)
+    twice, report = check_quality(once)
+    kinds = [[c.sensor.kind for c in checked.bump_runs[0].log.channels] for checked in (once, twice)]
+    assert kinds[0] == kinds[1] == ["suspension_deflection", "bellows_extension"]
+    assert all(f.verdict != "rejected" for f in report.channels), report.channels
 
 
 @pytest.mark.parametrize(

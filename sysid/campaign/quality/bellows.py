@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.campaign.quality.defects import quantum
-from sysid.campaign.records import BumpRun, Campaign, Channel, Log
+from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor
 from sysid.wording import shorten
 
 #: Absolute pressure where a gauge reads zero [Pa].
@@ -42,7 +42,8 @@ def with_bellows(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
     for run in campaign.bump_runs:
         made = []
         for channel in run.log.auxiliary:
-            if channel.sensor.kind != "air_pressure":
+            there = any(_same(channel.sensor, c.sensor) for c in run.log.channels)
+            if channel.sensor.kind != "air_pressure" or there:
                 continue
             why = _refusal(channel, run.log)
             if why:
@@ -58,6 +59,10 @@ def with_bellows(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
         for why, files in of_column.items()
     )
     return replace(campaign, bump_runs=tuple(runs)), said
+
+
+def _same(pressure: Sensor, other: Sensor) -> bool:
+    return other.kind == "bellows_extension" and other.column == pressure.column
 
 
 def extension(channel: Channel) -> Channel:

@@ -26,6 +26,7 @@ _PLAUSIBLE = {
     "axle_acceleration": (0.2, 600.0),
     "body_acceleration": (0.05, 300.0),
     "pitch_rate": (1e-3, 12.0),
+    "bellows_extension": (1e-4, 2.0),
 }
 # Mixing up g and m/s^2 or mm and m is common, the rest is not.
 _UNIT_COST: dict[str | None, float] = {
