@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sysid.bookkeeping.drop_cases import load_case_complaints
 from sysid.bookkeeping.force_balance import RunSpectra, frame_rise
 from sysid.bookkeeping.masses import stiffness_of
 from sysid.campaign.records import Campaign, PlankDrop
@@ -43,7 +44,11 @@ def drop_complaints(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list[s
     if released:
         return [released]
     said: list[str] = []
+    wrong = load_case_complaints(campaign, spectra)
     for case in dict.fromkeys(d.load_case for d, _ in known):
+        if case in wrong:
+            said.append(wrong[case])
+            continue
         # An air spring is stiffer under load, so its suspension is compressed less.
         plank = [(d, s) for d, s in known if d.release == "plank" and d.load_case == case]
         said += _of_load_case(plank, _expected(campaign, spectra, case), campaign.vehicle)

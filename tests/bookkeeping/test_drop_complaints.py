@@ -9,9 +9,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sysid.bookkeeping import drops
+from sysid.bookkeeping import drop_cases, drops
 from sysid.bookkeeping.drops import compressions, drop_complaints
+from sysid.bookkeeping.force_balance import run_spectra
 from sysid.campaign import read_campaign
+from sysid.campaign.quality.check import check_quality
 
 DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 #: Suspensions of the empty truck [N/m]; those of the two air axles are three times as stiff in the laden one.
@@ -63,3 +65,33 @@ def test_runs_of_another_load_case_tell_nothing_of_springs_that_depend_on_the_lo
     leaves = tuple(replace(axle, load_dependent=False) for axle in truck.vehicle.axles)
     without = replace(truck, vehicle=replace(truck.vehicle, axles=leaves))
     assert "times as high as listed" in said(without, listed, monkeypatch, driven=("loaded",))[0]
+
+
+@pytest.mark.parametrize("axles", [{3, 4, 5}, {4}])
+def test_drops_listed_under_another_load_case_are_named(truck, axles) -> None:
+    """The trailer of the laden truck is some five times as heavy: no axle has fifteen times the k of its runs."""
+    screened, _ = check_quality(truck)
+    spectra = [s for run in screened.bump_runs if (s := run_spectra(run, truck.vehicle)) is not None]
+    assert drop_complaints(screened, spectra) == []
+    moved = tuple(replace(d, load_case="loaded") if d.axle in axles else d for d in screened.plank_drops)
+    (sentence,) = drop_complaints(replace(screened, plank_drops=moved), spectra)
+    assert "are listed under the load case 'loaded', but ring as with the masses of 'unloaded'" in sentence
+    for axle in axles:
+        assert f"'{truck.vehicle.axles[axle].name}'" in sentence
+    assert f"plank_drops/axle{min(axles) + 1}_drop1.csv" in sentence
+
+
+def test_a_drop_with_a_gap_in_its_decay_tells_no_frequency(truck) -> None:
+    drop = next(d for d in truck.plank_drops if d.axle == 3)
+    known = drop_cases._frequency_hz(drop)
+    assert known is not None
+    assert 2.0 < known < 3.4
+
+    def lose(c):
+        kept = (c.time_s < 2.0) | (c.time_s > 2.3)
+        return replace(c, time_s=c.time_s[kept], value=c.value[kept], censored=c.censored[kept])
+
+    assert (
+        drop_cases._frequency_hz(replace(drop, log=replace(drop.log, channels=tuple(map(lose, drop.log.channels)))))
+        is None
+    )
