@@ -541,3 +541,27 @@ def test_an_axle_that_chatters_has_no_spikes():
         lost = rest.copy()
         lost[at] -= 0.4
         assert spikes(lost).tolist() == at
+
+
+@pytest.mark.parametrize("end", ["late", "early"])
+@pytest.mark.parametrize("held", ["zero", "last"])
+def test_a_module_that_starts_late_or_ends_early_is_no_drift(campaign, end, held):
+    """Half a second of one value at an end of the record, beside which the sensor is alive while the truck rests."""
+
+    def edit(value: np.ndarray) -> None:
+        n = 100
+        if end == "late":
+            value[:n] = 0.0 if held == "zero" else value[n]
+        else:
+            value[-n:] = 0.0 if held == "zero" else value[-n - 1]
+
+    cleaned, report = check_quality(only(campaign, SLOW_LOADED_RUN, edited("lvdt3_mm", edit)))
+    found = finding(report, "lvdt3_mm")
+    (span,) = found.dead_spans
+    assert span[1] - span[0] == pytest.approx(0.5, abs=0.02)
+    assert "does not change" in " ".join(found.messages)
+    assert not any("drifts" in m or "slipped" in m for m in found.messages)
+    assert found.verdict == "usable"
+    (run,) = cleaned.bump_runs
+    (channel,) = [c for c in run.log.channels if c.sensor.column == "lvdt3_mm"]
+    assert np.isnan(channel.value[:90] if end == "late" else channel.value[-90:]).all()

@@ -24,6 +24,7 @@ MOVING_SHARE = 0.08  # of the largest departure: smooth motion of that size at t
 # Scatter over range, median over the channels of a log: 0.003 to 0.008 while a truck stands or rolls on a smooth road,
 # 0.02 to 0.3 after it has met a bump or fallen off a plank.
 OTHERS_MOVE = 0.02
+BESIDE_S = 0.3  # beside a span at an end of the record, where a channel is seen to be alive
 QUIET_S = 0.2  # shortest quiet start from which a rest level is read
 
 
@@ -103,7 +104,9 @@ def dead_spans(
 
     A sensor whose resolution is coarser than its noise repeats one reading while the truck stands.  It is dead where
     the `others` of its log move meanwhile.  Without others it is dead unless the record begins there, or the motion has
-    faded away before.  Channels that stand still for most of the record are not judged.
+    faded away before.  A module that starts late or ends early is dead too: its reading stands still at that end of the
+    record, and beside it changes with nearly every sample while the truck is still at rest.  Channels that stand still
+    for most of the record are not judged.
     """
     dead: list[tuple[int, int]] = []
     at_rest: list[tuple[int, int]] = []
@@ -114,8 +117,23 @@ def dead_spans(
             np.nanmax(value) - np.nanmin(value)
         )
         is_dead = float(np.median(shares)) > OTHERS_MOVE if shares else not begins
+        is_dead |= _not_there(time_s, value, (start, stop), others)
         (dead if is_dead else at_rest).append((start, stop))
     return dead, at_rest
+
+
+def _not_there(time_s: np.ndarray, value: np.ndarray, span: tuple[int, int], others: Sequence[Channel]) -> bool:
+    """Whether a reading that stands still up to an end of its record is alive beside it, with the truck at rest."""
+    start, stop = span
+    if start > 0 and stop < value.size:
+        return False
+    at = time_s[stop - 1] if start == 0 else time_s[start]
+    first, last = (at, at + BESIDE_S) if start == 0 else (at - BESIDE_S, at)
+    change = np.diff(value[(time_s > first) & (time_s < last)])
+    known = np.isfinite(change)
+    shares = [s for o in others if (s := _moving_share(o, first, last)) is not None]
+    at_rest = bool(shares) and float(np.median(shares)) <= OTHERS_MOVE
+    return at_rest and known.sum() >= 10 and bool(np.mean(change[known] != 0.0) > 0.5)
 
 
 def _moving_share(channel: Channel, first_s: float, last_s: float) -> float | None:
