@@ -38,8 +38,8 @@ class Score:
     check: int | None = None
 
 
-def judged(written: Written, vehicle: str | None) -> Score:
-    """Look at a folder, compare, fill in what is left from the truth, and let `check` judge the file."""
+def judged(written: Written, vehicle: str | None, check: bool = True) -> Score:
+    """Look at a folder and compare; with `check` fill in what is left from the truth, and let that stage judge it."""
     look = first_look(written.folder, vehicle)
     text = campaign_text(look, written.folder.name, "campaign.toml")
     score = Score(vehicle=look.template.name if look.template else "none")
@@ -65,6 +65,8 @@ def judged(written: Written, vehicle: str | None) -> Score:
         score.tests_right += right
         if entry.sure and not right:
             score.tests_silent.append(entry.file)
+    if not check:
+        return score
     (score.edits, filled) = _filled(text, written)
     path = written.folder / "campaign.toml"
     path.write_text(filled, encoding="utf-8")

@@ -208,7 +208,9 @@ def _tests(look: FirstLook, prefix: str) -> str:
     runs = [e for e in look.tests if e.kind == "bump_run"]
     parts = [banner("tests"), "[tests]"]
     if any(entry.load_case is None for entry in look.tests):
-        case = todo(f"load case of all drops and runs that do not say their own: {' or '.join(look.load_cases)}")
+        case = todo(
+            f"load case of all drops and runs that do not say their own: {', '.join(look.load_cases)} or another"
+        )
         parts.append(f"load_case = {quoted(case)}")
     if drops:
         height = todo("height of the plank [m], of all drops that do not say their own")

@@ -10,9 +10,9 @@ import numpy as np
 
 from sysid.campaign.records import AUXILIARY_KINDS, KIND_DIMENSION, SensorKind
 from sysid.campaign.units import STANDARD_GRAVITY_M_S2, is_other_quantity, recognised_unit, si_factor
+from sysid.first_look.column_words import UNUSED_DIMENSIONS, NameSays, dimension_of, sensor_unit
 from sysid.first_look.features import Look
 from sysid.first_look.matching import Three
-from sysid.first_look.words import UNUSED_DIMENSIONS, NameSays, dimension_of, sensor_unit
 
 #: Share of the power in the band of wheel hop from which a column without a three counts as an axle's.
 _HOPS = 0.35

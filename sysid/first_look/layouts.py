@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.campaign.units import si_factor
+from sysid.first_look.column_words import NameSays, columns_say
 from sysid.first_look.features import Threes
 from sysid.first_look.kinds import KindGuess, guess_kinds, told_dimensions
 from sysid.first_look.matching import Three, matched_threes, upright
 from sysid.first_look.records import SeenLog
-from sysid.first_look.words import NameSays, columns_say
 
 #: How clearly all sensors of an axle must move the wrong way, in the middle of all runs.
 _FALLS = 0.5

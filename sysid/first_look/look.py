@@ -12,6 +12,7 @@ import numpy as np
 
 from sysid.campaign.records import AUXILIARY_KINDS, KIND_DIMENSION, SensorKind
 from sysid.errors import CampaignError, DataRejectedError, SysidError
+from sysid.first_look.column_words import NameSays, columns_say
 from sysid.first_look.entries import Driven, entries_of, kind_of_test
 from sysid.first_look.features import Threes, looks, threes
 from sysid.first_look.file_words import PathSays, paths_say
@@ -37,7 +38,6 @@ from sysid.first_look.records import FirstLook, SeenLog, SeenScan
 from sysid.first_look.scans import seen_profile, seen_scan
 from sysid.first_look.sensor_guesses import sensor_guesses
 from sysid.first_look.templates import Template, template, template_names
-from sysid.first_look.words import NameSays, columns_say
 from sysid.progress import Progress, unwatched
 from sysid.wording import shorten
 
@@ -217,9 +217,10 @@ def _first_look(
 
 def _is_no_test(log: SeenLog, layouts: Sequence[Layout]) -> bool:
     """Whether the path of a log says that it is no test, and no axle of it moves."""
+    if log.said.no_test is None:
+        return False
     kinds = next(layout.kinds for layout in layouts if log in layout.logs)
-    moving = [look for look in log.looks if look.alive and kinds[look.name].kind == "axle_acceleration"]
-    return log.said.no_test is not None and not moving
+    return not any(look.alive and kinds[look.name].kind == "axle_acceleration" for look in log.looks)
 
 
 def _sensors_said(layouts: Sequence[Layout], order: Order, kinds: Collection[SensorKind]) -> dict[str, NameSays]:

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from itertools import pairwise
 
-from sysid.first_look.words import dimension_of
+from sysid.first_look.column_words import dimension_of
 from sysid.logs.text_numbers import MISSING, cells_of, encoding_of, head_lines
 from sysid.logs.text_table import without_error_marks
 from sysid.logs.time_columns import find_time, time_unit

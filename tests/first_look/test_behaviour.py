@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sysid.first_look.column_words import columns_say
 from sysid.first_look.features import looks, threes
 from sysid.first_look.matching import Three, matched_threes, upright
 from sysid.first_look.places import (
@@ -17,7 +18,7 @@ from sysid.first_look.places import (
     numbered_axles,
     speed_m_s,
 )
-from sysid.first_look.words import AxleLabel, columns_say
+from sysid.first_look.words import AxleLabel
 from sysid.logs.channels import Clock, RawChannel
 
 STEP_S = 0.005

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from sysid.first_look.column_words import column_says, columns_say
 from sysid.first_look.file_words import path_says, paths_say
 from sysid.first_look.load_cases import load_cases_of
-from sysid.first_look.words import column_says, columns_say
 
 Q, A, B = "suspension_deflection", "axle_acceleration", "body_acceleration"
 
