@@ -25,6 +25,8 @@ _OTHER_AXIS = re.compile(
     r"number|sample|cycle|temperature|pressure|strain|force",
     re.IGNORECASE,
 )
+#: Numbers beyond it are damage: no sensor reads them, and squares of them are infinite.
+LARGEST = 1e100
 #: Names that a sentence lists.
 LISTED = 4
 
@@ -89,9 +91,9 @@ def _refuse(error: RefusedError) -> Any:
 @lru_cache(maxsize=4096)
 def even_time(start_s: float, step_s: float, count: int) -> Callable[[], np.ndarray]:
     """Stamps start + k step [s] of an evenly sampled channel: a function that refuses a step that is not positive."""
-    if not (np.isfinite(step_s) and np.isfinite(start_s) and step_s > 0.0):
+    if not (0.0 < step_s < LARGEST and abs(start_s) < LARGEST):
         return no_time(
-            RefusedError(f"has a channel with a sample interval of {step_s:g} s; export it again with its time")
+            RefusedError(f"has a channel with a sample interval of {step_s:g} s from {start_s:g} s on; export it again")
         )
     return lambda: start_s + step_s * np.arange(count)
 
@@ -196,7 +198,7 @@ def by_name(channels: Sequence[FileChannel], name: str) -> FileChannel | None:
 
 
 def numbers_of(array: np.ndarray, path: str) -> np.ndarray:
-    """Values as float64, infinite ones and those that are marked as invalid as NaN.
+    """Values as float64; those that are marked as invalid, infinite or as good as that as NaN.
 
     Raises
     ------
@@ -211,7 +213,7 @@ def numbers_of(array: np.ndarray, path: str) -> np.ndarray:
         raise RefusedError(f"has {what} in '{shorten(path)}', expected numbers; export it as numbers")
     with np.errstate(over="ignore", invalid="ignore"):
         numbers = np.array(flat, dtype=np.float64)
-    finite = np.isfinite(numbers)
+    finite = np.abs(numbers) < LARGEST
     if isinstance(array, np.ma.MaskedArray):
         finite &= ~np.ma.getmaskarray(array).reshape(-1)
     if not finite.all():

@@ -12,7 +12,16 @@ from typing import Any
 import numpy as np
 
 from sysid.logs.clock_columns import SeveralTimesError, TimeColumn, same_time, time_of_channel
-from sysid.logs.file_channels import LISTED, FileChannel, RefusedError, is_time, not_time, numbers_of, unit_text
+from sysid.logs.file_channels import (
+    LARGEST,
+    LISTED,
+    FileChannel,
+    RefusedError,
+    is_time,
+    not_time,
+    numbers_of,
+    unit_text,
+)
 from sysid.logs.time_columns import find_time, seconds_in, time_unit
 from sysid.wording import joined_words, shorten
 
@@ -59,6 +68,8 @@ class FileClocks:
         return clock
 
     def _clock(self, stamps_s: np.ndarray, name: str, first_row: int) -> int:
+        if not np.all(np.abs(stamps_s) < LARGEST):
+            stamps_s = np.where(np.abs(stamps_s) < LARGEST, stamps_s, np.nan)
         # Of many clocks only those that agree at three places are compared.
         looked_at = stamps_s[[0, stamps_s.size // 2, -1]].tobytes() if stamps_s.size else b""
         alike = self._alike[stamps_s.size, looked_at]

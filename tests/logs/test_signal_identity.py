@@ -249,6 +249,14 @@ def test_samples_that_mdf_marks_as_invalid_are_missing() -> None:
     assert all("60 of 380 samples" in m for m in log.messages)
 
 
+def test_numbers_that_no_sensor_reads_are_missing() -> None:
+    values, stamps = pulse(FIRST_S), FIRST_S.copy()
+    values[7], stamps[9] = 1e308, 1e305
+    (found,) = channels("log.mf4", mdf((stamps, {"q_mm": values}, "A")), "q_mm")
+    assert np.flatnonzero(np.isnan(found.values)).tolist() == [7]
+    assert np.flatnonzero(np.isnan(found.clock.time_s)).tolist() == [9]
+
+
 @pytest.mark.parametrize(("kind", "axis"), [(2, "angle [deg]"), (3, "distance [m]"), (4, "index [index]")])
 def test_a_master_that_is_not_time_is_refused(kind: int, axis: str) -> None:
     """The units are those that the writer gives such masters."""
