@@ -64,6 +64,18 @@ def test_one_bump_by_two_names_is_one_population(tmp_path: Path) -> None:
     assert [(x.trucks, x.shape) for x in loads] == [(3, "bump")]
 
 
+def test_the_last_campaign_of_a_truck_counts(tmp_path: Path) -> None:
+    """In the order of the fleet file, pass by pass: what only an earlier campaign predicted counts too."""
+    ratios = [(1.2, 1.50), (1.3, 1.52), (1.4, 1.54)]
+    members = fleet(tmp_path, [[entry(r, BUMP)] for pair in ratios for r in pair])
+    members = [Member(f"T{number // 2}", m.campaign, m.output) for number, m in enumerate(members)]
+    (load,), _ = population_loads("truck", members)
+    assert load.trucks == 3
+    assert load.q50 == pytest.approx(1.52, rel=0.002)
+    (other,), _ = population_loads("truck", [m for pair in zip(members[1::2], members[::2], strict=True) for m in pair])
+    assert other.q50 == pytest.approx(1.3, rel=0.02)
+
+
 def test_trucks_of_many_places_get_a_remark_in_place_of_loads(tmp_path: Path) -> None:
     trucks = [[entry(1.5, BUMP | {"sha256": f"{t:064x}"})] for t in range(4)]
     loads, (remark,) = population_loads("truck", fleet(tmp_path, trucks))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import io
 import json
@@ -325,6 +326,44 @@ def test_a_result_that_nobody_would_read_back_is_refused(tmp_path: Path) -> None
     with pytest.warns(UserWarning, match="result of 'drops' is not kept: DropSummary.messages"):
         folder.keep(DROPS, replace(SUMMARY, messages=(1,)))
     assert folder.known(DROPS).messages == (1,)
+
+
+def rewritten(path, change, compression=zipfile.ZIP_STORED):
+    """The file as an archive of another program whose checksum is right."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", compression) as archive:
+        archive.writestr("fields.json", "{}")
+        with archive.open("big.npy", "w") as entry:
+            np.lib.format.write_array(entry, np.zeros(1_000_000), (1, 0))
+        change(archive)
+        archive.comment = b"0" * 64
+    content = stream.getvalue()[:-64]
+    path.write_bytes(content + hashlib.sha256(content).hexdigest().encode())
+    return path
+
+
+def same_bytes_under_many_names(archive):
+    (big,) = (e for e in archive.filelist if e.filename == "big.npy")
+    for number in range(500):
+        again = copy.copy(big)
+        again.filename = f"big{number}.npy"
+        archive.filelist.append(again)
+
+
+@pytest.mark.parametrize(
+    ("change", "compression"),
+    [(lambda archive: None, zipfile.ZIP_DEFLATED), (same_bytes_under_many_names, zipfile.ZIP_STORED)],
+)
+def test_a_file_that_expands_is_not_read(tmp_path, change, compression):
+    assert array_file.read(rewritten(tmp_path / "good.npz", lambda archive: None)) is not None
+    path = rewritten(tmp_path / "stage.npz", change, compression)
+    tracemalloc.start()
+    try:
+        assert array_file.read(path) is None
+        # Five hundred times 8 MB, or 8 MB from some kilobytes; the file itself is read.
+        assert tracemalloc.get_traced_memory()[1] < 3 * path.stat().st_size + 1e6
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_file_longer_than_any_result_is_not_read_and_not_kept(tmp_path, monkeypatch):
