@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from studies.check_faults import clocks, figures, files, lists, sensors, wiring
+from studies.check_faults import clocks, figures, files, lists, lost, sensors, wiring
 from studies.check_faults.campaigns import BASES, base, healthy
 from studies.check_faults.made import EVERYWHERE, Copy, Fault, Made
 from studies.faults.campaign_copy import DoesNotApply
@@ -25,6 +25,7 @@ FAMILIES: dict[str, dict[str, Fault]] = {
     "files": files.FAULTS,
     "wiring": wiring.FAULTS,
     "figures": figures.FAULTS,
+    "lost": lost.FAULTS,
 }
 FAULTS = [(family, name) for family, faults in FAMILIES.items() for name in faults]
 #: Faults in campaigns whose files keep their names, which say axle, load case and speed.

@@ -112,13 +112,27 @@ def positions(factor: float) -> Fault:
     return fault
 
 
-def one_axle_moved(c: CampaignCopy) -> Made:
-    """One axle stands 0.3 m from where it is listed, with its sensors."""
-    places = re.findall(r"(?m)^x_m = ([\d.]+)", c.text)
-    place = c.pick([p for p in places if float(p) > 0.0])
-    other = f"{float(place) + float(c.rng.choice([-0.3, 0.3])):g}"
-    change_text(c, rf"\bx_m = {re.escape(place)}(?=[\s,])", f"x_m = {other}")
-    return Made(f"axle at {place} m listed at {other} m", (r"positions|x_m|place",))
+def one_axle_moved(by_m: float) -> Fault:
+    """One axle stands elsewhere than it is listed, with its sensors."""
+
+    def fault(c: CampaignCopy) -> Made:
+        places = re.findall(r"(?m)^x_m = ([\d.]+)", c.text)
+        place = c.pick([p for p in places if float(p) > 0.0])
+        other = f"{float(place) + float(c.rng.choice([-by_m, by_m])):g}"
+        change_text(c, rf"\bx_m = {re.escape(place)}(?=[\s,])", f"x_m = {other}")
+        return Made(f"axle at {place} m listed at {other} m", (r"positions|x_m|place",))
+
+    return fault
+
+
+def drops_of_the_other_case(c: CampaignCopy) -> Made:
+    """All drops are listed under the load case that is not theirs, the first one."""
+    other = max(_load_cases(c), key=lambda name: re.search(rf"(?m)^\[load_cases?\.{name}\]", c.text).start())  # type: ignore[union-attr]
+    text = c.text
+    for line in drop_lines(c):
+        text = text.replace(line, re.sub(r"(plank_height_m = [\d.]+)", rf'\1, load_case = "{other}"', line))
+    c.write(text)
+    return Made(f"drops listed as '{other}'", (r"drops of.*load case",))
 
 
 def sensor_moved(c: CampaignCopy) -> Made:
@@ -298,7 +312,8 @@ FAULTS: dict[str, dict[str, Fault]] = {
     "geometry": {
         "positions times 0.93": positions(0.93),
         "positions in feet": positions(3.28084),
-        "one axle 0.3 m off": one_axle_moved,
+        "one axle 0.3 m off": one_axle_moved(0.3),
+        "one axle 0.8 m off": one_axle_moved(0.8),
         "frame sensor 1.5 m off": sensor_moved,
         "axles from the rear": axles_from_the_rear,
     },
@@ -324,6 +339,7 @@ FAULTS: dict[str, dict[str, Fault]] = {
         "plank twice": plank(2.0),
         "plank half": plank(0.5),
         "drops as released bodies": body_released,
+        "drops of the other load case": drops_of_the_other_case,
         "drops of 2 and 3 exchanged, named files": drops_exchanged(False),
     },
     "scan": {
