@@ -14,6 +14,8 @@ _LEAST_READINGS = 16
 _BETWEEN = 0.5
 #: Most of the steps from reading to reading lie within this factor of each other.
 _EVEN = 1.5
+#: Share of filled rows above which a channel is none of these.
+_BUSY = 0.7
 
 
 def with_own_rows(channels: Sequence[RawChannel], label: str) -> tuple[tuple[RawChannel, ...], tuple[str, ...]]:
@@ -42,6 +44,9 @@ def with_own_rows(channels: Sequence[RawChannel], label: str) -> tuple[tuple[Raw
 
 def _own_rows(channel: RawChannel) -> np.ndarray | None:
     """Rows with readings of a channel that is slower than its table, None for others."""
+    # Where empty rows stand between half of the readings, a third of the rows is empty.
+    if np.count_nonzero(np.isfinite(channel.values)) > _BUSY * channel.values.size:
+        return None
     rows = np.flatnonzero(np.isfinite(channel.values) & np.isfinite(channel.clock.time_s))
     if rows.size < _LEAST_READINGS or np.mean(np.diff(rows) > 1) < _BETWEEN:
         return None

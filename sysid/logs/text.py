@@ -96,6 +96,8 @@ def _refuse_nameless_time(
 
 def _last(values: np.ndarray) -> int:
     """Row of the last number, -1 where there is none."""
+    if values.size and np.isfinite(values[-1]):
+        return values.size - 1
     return int(np.flatnonzero(np.isfinite(values)).max(initial=-1))
 
 

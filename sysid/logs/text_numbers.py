@@ -8,6 +8,7 @@ import io
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TextIO
 
 import numpy as np
@@ -98,7 +99,7 @@ class NumberTable:
     def lines(self) -> Iterator[str]:
         """All lines, cut at one more character than a line may have."""
         stream = self._stream()
-        return iter(lambda: stream.readline(self.line_length + 1), "")
+        return iter(partial(stream.readline, self.line_length + 1), "")
 
     def _stream(self) -> TextIO:
         errors = "strict" if self.strict else "replace"
@@ -202,7 +203,8 @@ def count_rows(table: NumberTable) -> tuple[int, int]:
             if line.lstrip().startswith(COMMENT):
                 continue
             count = _exact_count(line, number, table)
-        width = max(width, count)
+        if count > width:
+            width = count
         rows += table.blank_rows or not line.isspace()
         if rows > table.most_rows:
             raise DataRejectedError(f"{label} has more rows than the {table.most_rows} that are read; cut or thin it.")
