@@ -36,7 +36,7 @@ def drop_complaints(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list[s
     spectra
         Of the runs, for the stiffnesses of the axles; where there are none, drops are compared with each other alone.
     """
-    shares = [(drop, _share(drop)) for drop in campaign.plank_drops]
+    shares = [(drop, compressed_share(drop)) for drop in campaign.plank_drops]
     known = [(drop, share) for drop, share in shares if share is not None]
     if not known:
         return []
@@ -67,7 +67,7 @@ def _of_load_case(
     return [*odd, *_heights(plank, expected, vehicle)]
 
 
-def _share(drop: PlankDrop) -> float | None:
+def compressed_share(drop: PlankDrop) -> float | None:
     """Compression of the suspension before the fall over the plank height (0.075 m where there is none)."""
     channel = next((c for c in drop.log.channels if c.sensor.kind == "suspension_deflection"), None)
     if channel is None:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
 
 import numpy as np
 
+from sysid.bookkeeping.drops import compressed_share
 from sysid.bookkeeping.elimination import Derived
 from sysid.bookkeeping.force_balance import Balance, RunSpectra
 from sysid.bookkeeping.masses import stiffness_of
-from sysid.bookkeeping.usual import of_axle, of_tire
-from sysid.campaign.records import BumpRun, Campaign
+from sysid.bookkeeping.usual import of_axle, of_drop, of_tire
+from sysid.campaign.records import BumpRun, Campaign, PlankDrop
 from sysid.campaign.vehicle_records import Axle, Vehicle
 from sysid.wording import shorten
 
@@ -22,6 +24,9 @@ TIRES, TIRES_AND_SPRING = (1.0 / 1.7, 1.7), (1.0 / 1.5, 2.4)
 BEYOND_STOPS = (0.0, 1.7)
 #: Balances that leave more than this unexplained tell no stiffness.
 UNCLEAR = 0.2
+#: Heights of planks that differ by this factor, for suspensions that are compressed by this much [m]; shares of one
+#: axle repeat within a few per cent.
+DIFFERENT, CLEAR_M, PLANKS = 1.3, 0.006, (0.75, 1.0 / 0.75)
 #: Logarithm of a prior's median over what the balance of the frames says: at least this, or three of its own sd.
 PRIOR_OFF, DAMPING_OFF, SURE = 0.7, 1.4, 3.0
 #: Tires are at least this share of tires and suspension.
@@ -49,6 +54,7 @@ def measured_values(campaign: Campaign, hop_hz: Mapping[int, float], spectra: Se
         if i in hop_hz:
             found.append(_tire(campaign.vehicle, i, hop_hz[i], float(np.mean(stiffness)) if stiffness else None))
         found += _travels(campaign.bump_runs, i, axle)
+        found += _planks(campaign.plank_drops, i)
         found += _priors(axle, stiffness, [float(b.damping[i]) for b in balances.values()])
     return found
 
@@ -91,6 +97,22 @@ def _peak(run: BumpRun, axle: int, sign: float) -> float | None:
                 # Single readings may be spikes.
                 return float(np.quantile(sign * (value - rest), 1.0 - 3.0 / value.size))
     return None
+
+
+def _planks(drops: Sequence[PlankDrop], axle: int) -> Iterator[Derived]:
+    """One axle on planks of different height: its suspension is compressed by the same share of each."""
+    shares = [
+        (d, d.plank_height_m, share)
+        for d in drops
+        if d.axle == axle and d.plank_height_m is not None and (share := compressed_share(d)) is not None
+    ]
+    for (one, height, share), (other, second, other_share) in combinations(shares, 2):
+        far = max(height, second) > DIFFERENT * min(height, second)
+        if far and one.load_case == other.load_case and min(share * height, other_share * second) > CLEAR_M:
+            powers = {of_drop(one.log.file, height): -1.0, of_drop(other.log.file, second): 1.0}
+            files = f"{shorten(one.log.file, 100)} over that in {shorten(other.log.file, 100)}"
+            what = f"the compression of the suspension as a share of the plank's height in {files} is"
+            yield Derived(what, share / other_share, *PLANKS, "", powers)
 
 
 def _priors(axle: Axle, stiffness: Sequence[float], damping: Sequence[float]) -> Iterator[Derived]:

@@ -48,6 +48,8 @@ PLANK_MM = (15.0, 250.0)
 LOG_SD = (0.01, 4.0)
 #: Bending modes of frames: frequency [Hz] and share of critical damping.
 BENDING_HZ, BENDING_DAMPING = (2.0, 35.0), (0.002, 0.3)
+#: Speeds over bumps [km/h]: crawling trucks, and more than anybody drives over one.
+SPEED_KM_H = (0.1, 100.0)
 #: Inertia of a body in a load case over that in a lighter one, of the same sprung mass and of a larger one.
 SAME_MASS, SAME = 0.01, (0.8, 1.25)
 HEAVIER = (0.9, 12.0)
@@ -142,6 +144,11 @@ def _tires(vehicle: Vehicle, i: int, campaign: Campaign) -> Iterator[Derived]:
         ratio = damping.value / (2.0 * math.sqrt(stiffness * unsprung.value))
         powers = {damping: 1.0, **of_tire(axle, -0.5), unsprung: -0.5}
         yield Derived(f"the damping ratio of the tires of '{name}' is", ratio, *TIRE_DAMPING, "", powers)
+
+
+def of_drop(file: str, height_m: float) -> Declared:
+    """The height of a plank."""
+    return Declared("plank_height_m", f"the drop {shorten(file, 100)}", height_m)
 
 
 def in_case(key: str, vehicle: Vehicle, body: int, case: LoadCase, value: float) -> Declared:
@@ -251,15 +258,17 @@ def _of_tests(campaign: Campaign) -> Iterator[Derived]:
         (d.plank_height_m, d.log.file) for d in campaign.plank_drops if d.plank_height_m is not None
     )
     for height, file in heights:
-        number = Declared("plank_height_m", f"the drop {shorten(file, 100)}", height)
-        yield _alone(number, f"the plank of {shorten(file, 100)} is high", PLANK_MM, "mm", 1e3)
+        yield _alone(of_drop(file, height), f"the plank of {shorten(file, 100)} is high", PLANK_MM, "mm", 1e3)
+    for run in campaign.bump_runs:
+        number = Declared("nominal_speed_km_h", shorten(run.log.file, 100), 3.6 * run.nominal_speed_m_s)
+        yield _alone(number, "a truck passes the bump at", SPEED_KM_H, "km/h")
     low_pass = campaign.acquisition.filter
     if low_pass is not None:
         number = Declared("cutoff_hz", "acquisition.filter", low_pass.cutoff_hz)
         yield _alone(number, "the anti-alias filter cuts off at", (4.0, math.inf), "Hz")
     for i, request in enumerate(campaign.predictions):
         number = Declared("speed_km_h", f"tests.prediction[{i + 1}]", 3.6 * request.speed_m_s)
-        yield _alone(number, "a truck passes the bump at", (0.0, 130.0), "km/h")
+        yield _alone(number, "a truck passes the bump at", SPEED_KM_H, "km/h")
         if request.shape is not None and request.shape.height_m is not None:
             number = Declared("shape.height_m", f"tests.prediction[{i + 1}]", request.shape.height_m)
             yield _alone(number, "the bump to predict is high", (5.0, 300.0), "mm", 1e3)

@@ -42,6 +42,7 @@ _SLOW_M_S = 7.0
 _RISE_HZ, _INTEGRATED_S = 15.0, 1.0
 #: Filters are judged where wheel hop is in their band; power beyond it over that within, of axles without a filter.
 _LOW_CUTOFF_HZ, _NATURAL = 25.0, 0.05
+_FEWEST_BINS = 4
 #: Lengths that are tried where the scan leaves more than this, and how much better another length must be.
 _LENGTH_OFF_M = 0.65  # tires make a bump longer by less
 _LENGTHS, _LENGTH_LEFT, _LENGTH_BETTER = (0.4, 0.5, 0.6, 1.7, 2.2), 0.04, 0.6
@@ -319,6 +320,8 @@ def _beyond(channel: Channel, step: float, cutoff: float) -> float | None:
     if window is None or window.known_s < 0.7 * duration_s:
         return None
     frequency = np.fft.rfftfreq(time.size, step)
+    if (frequency < 0.5 * cutoff).sum() < _FEWEST_BINS:
+        return None
     power = np.abs(window.transform(value, 2.0 * np.pi * frequency)) ** 2
     bands = [(0.5, 1.0), (2.0, 3.0)]
     inside, outside = (power[(frequency > lo * cutoff) & (frequency < hi * cutoff)].mean() for lo, hi in bands)

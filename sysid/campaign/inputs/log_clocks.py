@@ -166,6 +166,7 @@ def _refuse_unit(stamps: np.ndarray, step: float, declared: float, label: str, c
         remedy = f", so they are probably in {unit}; " + (
             "name the column time_ms" if unit == "ms" else "write them in seconds"
         )
+        remedy += ", unless acquisition.sample_interval_s is wrong"
     raise DataRejectedError(
         f"{label}: the stamps in column '{column}' are {step:.4g} s apart, {times} the declared {declared:g} s{remedy}."
     )
