@@ -61,7 +61,10 @@ HARMLESS: MappingProxyType[str, tuple[Callable[[float], bool], str]] = MappingPr
         "cg_height_m": (lambda f: 0 < f <= 2.2, "1.6 %, 3.1 % from times 1/1000 to times 2"),
         "order": (lambda f: f > 0, "without the filter k moves by 0.04 %"),
         "cutoff_hz": (lambda f: f > 1, "without the filter k moves by 0.04 %"),
-        "range": (lambda f: f > 1, "readings stay below it, so they stay the same"),
+        "range": (
+            lambda f: f >= 0.4,
+            "`check` reports readings that reach it; where none does, the readings stay the same (from times 0.4 on)",
+        ),
         "sample_interval_s": (lambda f: 0.05 < f < 20, "the stamps of the logs are used"),
     }
 )

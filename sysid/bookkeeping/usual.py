@@ -40,6 +40,8 @@ GYRATION = (0.07, 0.75)
 HEIGHT_M, HITCH_M = (0.35, 2.8), (0.3, 1.7)
 #: Place of a hitch over the distance of the outer axles of the body in front: fifth wheels, and drawbars behind.
 HITCH_PLACE = (0.3, 2.0)
+#: Distance of neighbouring axles over the sum of the radii of their tires.
+APART = (0.9, math.inf)
 #: Travels of neighbours within this distance [m].
 NEIGHBOURS_M, ALIKE = 2.0, (0.6, 1.0 / 0.6)
 TRAVEL_MM = (10.0, 220.0)
@@ -66,6 +68,7 @@ def declared_values(campaign: Campaign) -> list[Derived]:
         *_frames(vehicle),
         *_hitches(vehicle),
         *_alike(vehicle),
+        *_distances(vehicle),
         *_beams(vehicle),
         *_of_tests(campaign),
     ]
@@ -239,6 +242,16 @@ def _alike(vehicle: Vehicle) -> Iterator[Derived]:
                 what = f"the {travel} of '{shorten(one.name)}' over that of '{shorten(other.name)}' beside it is"
                 powers = {of_axle(key, one, first): 1.0, of_axle(key, other, second): -1.0}
                 yield Derived(what, first / second, *ALIKE, "", powers)
+
+
+def _distances(vehicle: Vehicle) -> Iterator[Derived]:
+    """Wheels of neighbouring axles do not touch."""
+    for one, other in pairwise(vehicle.axles):
+        share = (other.x_m - one.x_m) / (one.tire_radius_m + other.tire_radius_m)
+        powers = {of_axle("x_m", other, other.x_m): 1.0}
+        powers |= {of_axle("tire_radius_m", axle, axle.tire_radius_m): -1.0 for axle in (one, other)}
+        what = f"the distance of '{shorten(one.name)}' and '{shorten(other.name)}' over the sum of their tire radii is"
+        yield Derived(what, share, *APART, "", powers)
 
 
 def _beams(vehicle: Vehicle) -> Iterator[Derived]:

@@ -125,3 +125,10 @@ def test_a_beam_of_no_size_is_named() -> None:
     # sqrt(0.3 / 400) over 4 m.
     assert "pitch_inertia_kg_m2 of 'beam' (0.3)" in sentence
     assert "is 0.00685, 0.05 to 2 is usual" in sentence
+
+
+def test_axles_whose_wheels_would_touch_are_named() -> None:
+    # 0.4 m between wheels of 0.5 m and 0.52 m.
+    near = replace(VEHICLE, axles=(FRONT, replace(REAR, x_m=0.4), TRAILER))
+    said = sentences(declared_values(campaign(near)), [MASSES])
+    assert any(s.startswith("x_m of 'rear' (0.4)") and "is 0.392, at least 0.9 is usual" in s for s in said)
