@@ -59,6 +59,7 @@ HARMLESS: MappingProxyType[str, tuple[Callable[[float], bool], str]] = MappingPr
         "tire_stiffness_N_per_m": (lambda f: 1e-3 <= f <= 25.4, "1.5 %, 1.5 % from times 1/1000 to times 25.4"),
         "tire_damping_N_s_per_m": (lambda f: 0 < f <= 25.4, "0.02 %, 0.03 % from times 1/1000 to times 25.4"),
         "cg_height_m": (lambda f: 0 < f <= 2.2, "1.6 %, 3.1 % from times 1/1000 to times 2"),
+        "plank_height_m": (lambda f: 0.45 < f <= 2.2, "0.01 %, 0.01 % for times 2 in all drops"),
         "order": (lambda f: f > 0, "without the filter k moves by 0.04 %"),
         "cutoff_hz": (lambda f: f > 1, "without the filter k moves by 0.04 %"),
         "range": (
