@@ -61,7 +61,7 @@ HARMLESS: MappingProxyType[str, tuple[Callable[[float], bool], str]] = MappingPr
         "cg_height_m": (lambda f: 0 < f <= 2.2, "1.6 %, 3.1 % from times 1/1000 to times 2"),
         "plank_height_m": (lambda f: 0.45 < f <= 2.2, "0.01 %, 0.01 % for times 2 in all drops"),
         "order": (lambda f: f > 0, "without the filter k moves by 0.04 %"),
-        "cutoff_hz": (lambda f: f > 1, "without the filter k moves by 0.04 %"),
+        "cutoff_hz": (lambda f: f >= 0.45, "0.4 %, 0.9 % for times 1/2.2; without the filter k moves by 0.04 %"),
         "range": (
             lambda f: f >= 0.4,
             "`check` reports readings that reach it; where none does, the readings stay the same (from times 0.4 on)",

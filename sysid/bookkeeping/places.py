@@ -85,7 +85,7 @@ def _cut_off(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
     return [
         f"{shorten(run.log.file, 100)}: the record is {run.log.duration_s:.2g} s long and cut off, the axles need "
         f"{way / run.nominal_speed_m_s:.2g} s to pass the bump one after the other; export the whole run, "
-        "or correct nominal_speed_km_h."
+        "or correct nominal_speed_km_h or the x_m of the axles."
         for run in runs
         if run.log.duration_s < way / run.nominal_speed_m_s + _AROUND_S
     ]
