@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from sysid.bounded_reader import end_readers
+
 
 def status(name: str) -> float:
     """A line of /proc/self/status: ``VmRSS`` memory, ``VmHWM`` its peak [bytes], or ``Threads``."""
@@ -27,6 +29,7 @@ def reset_peak() -> float:
 
 def processor_seconds() -> float:
     """Processor time of this process and of the children that it has waited for [s]."""
+    end_readers()
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
 

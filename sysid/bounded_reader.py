@@ -233,7 +233,8 @@ def _end(server: _Server) -> None:
 
 
 @atexit.register
-def _end_kept() -> None:
+def end_readers() -> None:
+    """End the process that forks others, if there is one; what they used then counts as used by children."""
     if _Kept.server is not None:
         _end(_Kept.server)
 

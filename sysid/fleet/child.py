@@ -19,6 +19,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from sysid.bounded_reader import end_readers
 from sysid.errors import OutputError, SysidError
 from sysid.files import keep_inside, read_bytes, write_text
 from sysid.fleet.key import calibration_key, chain_key, folder_state, result_digest
@@ -103,6 +104,7 @@ def _failed(error: Exception, output: Path) -> Outcome:
 
 def with_cost(outcome: Outcome) -> Outcome:
     """The outcome with what this process and the children that it has waited for have used so far."""
+    end_readers()
     used = os.times()
     seconds = used.user + used.system + used.children_user + used.children_system
     return replace(outcome, processor_seconds=round(seconds, 3), peak_bytes=peak_bytes())

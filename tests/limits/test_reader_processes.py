@@ -118,14 +118,14 @@ def test_a_server_that_has_nothing_to_do_ends(
 ) -> None:
     worker = tmp_path / "read_worker.py"
     worker.write_text(bounded_reader._WORKER.read_text(encoding="utf-8").replace("IDLE_S = 10.0", "IDLE_S = 0.1"))
-    bounded_reader._end_kept()
+    bounded_reader.end_readers()
     monkeypatch.setattr(bounded_reader, "_WORKER", worker)
     reader("read")
     server = bounded_reader._Kept.server
     assert server is not None
     assert server._process.wait(20.0) == 0
     assert reader("read", b"a")[1][0].tolist() == [97]
-    bounded_reader._end_kept()
+    bounded_reader.end_readers()
 
 
 @forked
@@ -143,7 +143,7 @@ def test_a_system_that_starts_no_process_is_one_sentence(
     def none(*arguments: Any, **options: Any) -> None:
         raise OSError(11, "Resource temporarily unavailable")
 
-    bounded_reader._end_kept()
+    bounded_reader.end_readers()
     monkeypatch.setattr(bounded_reader.subprocess, "Popen", none)
     with pytest.raises(DataRejectedError, match="no process for its reader can be started"):
         reader("read")

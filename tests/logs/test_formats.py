@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from log_files import FILES, STEP_S, csv, readings
 
+from sysid.bounded_reader import end_readers
 from sysid.campaign import Sensor, read_log
 from sysid.errors import SysidError
 from sysid.logs.channels import LogRequest
@@ -89,6 +90,7 @@ def test_damaged_files_end_in_a_sentence(name: str, written, digits: float) -> N
 
 def processor_s() -> float:
     """Processor time of this process and of the children that it has waited for [s]: other work does not count."""
+    end_readers()
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
 

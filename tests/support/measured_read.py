@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sysid.bounded_reader import end_readers
+
 #: What the fuzz promises of any file.
 MOST_SECONDS = 2.0
 MOST_BYTES = 500e6
@@ -106,6 +108,7 @@ def main() -> None:
 
 def _processor_s() -> float:
     """Processor time of this process and its children [s]: other work on the machine does not count."""
+    end_readers()
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system
 
