@@ -55,7 +55,7 @@ def copied_sources(folder: Path, replaced: Sequence[tuple[str, str, str]] = (), 
         If a text is not found exactly once.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    for name in ("engine.cpp", *build.INCLUDED):
+    for name in build.SOURCES:
         shutil.copyfile(_SOURCES / name, folder / name)
     for name, old, new in replaced:
         pattern = old if patterns else re.escape(old)

@@ -86,7 +86,8 @@ class Outcome:
 
 def ours(target: Target, density: Counted, limit_s: float, seed: int) -> Draws:
     """The product's sampling stage."""
-    from sysid.posterior.sampling import SamplingOptions, sample_posterior
+    from sysid.posterior.options import SamplingOptions
+    from sysid.posterior.sampling import sample_posterior
 
     options = SamplingOptions(seed=seed)
     # The stage has no limit of time: an ensemble's steps are of known cost.

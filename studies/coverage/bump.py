@@ -20,7 +20,8 @@ from sysid.estimation.fit.least_squares import fit_bump_runs
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
-from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.posterior.options import SamplingOptions
+from sysid.posterior.sampling import sample_posterior
 from sysid.road.road_profile import RoadProfile
 from sysid.selftest.readings import Instruments, blank_run, ordinary_instruments, simulated_campaign
 from sysid.selftest.world import draw_world

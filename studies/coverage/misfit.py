@@ -20,7 +20,8 @@ from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.state import FitState
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
-from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.posterior.options import SamplingOptions
+from sysid.posterior.sampling import sample_posterior
 from sysid.prediction.predict_passes import predict, predict_pass
 from sysid.prediction.predicted_passes import Predictions
 from sysid.selftest.readings import ordinary_instruments, simulated_campaign

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.fleet.hierarchy import HyperPriors, TypeData
 from sysid.fleet.population import find_outliers, fit_population, stand_alone
-from sysid.posterior.sampling import SamplingOptions
+from sysid.posterior.options import SamplingOptions
 
 SEED = 2026
 TRUCKS, CAMPAIGNS, AXLES = 8, 2, 3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -19,7 +20,8 @@ from sysid.wording import shorten
 
 #: Tire stiffness from wheel hop over the declared one: 0.8 to 1.15 on simulated trucks with the true one, which data
 #: books give within some 20 %; with an unknown suspension, whose stiffness is 0.05 to 0.7 of the tires', to be added.
-TIRES, TIRES_AND_SPRING = (1.0 / 1.7, 1.7), (1.0 / 1.5, 2.4)
+#: A single axle, which also moves with the frame, may be off by a further factor.
+TIRES, TIRES_AND_SPRING, ONE_AXLE = (1.0 / 1.7, 1.7), (1.0 / 1.5, 2.4), 1.5
 #: Largest travel over the declared free one: stops give way by 20 to 40 mm (1.2 on simulated trucks).
 BEYOND_STOPS = (0.0, 1.7)
 #: Balances that leave more than this unexplained tell no stiffness.
@@ -49,14 +51,15 @@ def measured_values(campaign: Campaign, hop_hz: Mapping[int, float], spectra: Se
     """
     balances = {name: b for name in campaign.load_cases if (b := _clear(stiffness_of(spectra, campaign, name)))}
     found: list[Derived] = []
+    tires: list[Derived] = []
     for i, axle in enumerate(campaign.vehicle.axles):
         stiffness = [float(b.stiffness[i]) for b in balances.values()]
         if i in hop_hz:
-            found.append(_tire(campaign.vehicle, i, hop_hz[i], float(np.mean(stiffness)) if stiffness else None))
+            tires.append(_tire(campaign.vehicle, i, hop_hz[i], float(np.mean(stiffness)) if stiffness else None))
         found += _travels(campaign.bump_runs, i, axle)
         found += _planks(campaign.plank_drops, i)
         found += _priors(axle, stiffness, [float(b.damping[i]) for b in balances.values()])
-    return found
+    return [*found, *_judged(tires)]
 
 
 def _clear(found: Balance | None) -> Balance | None:
@@ -73,6 +76,15 @@ def _tire(vehicle: Vehicle, i: int, hop_hz: float, spring: float | None) -> Deri
         f"the wheels of '{shorten(axle.name)}' hop at {hop_hz:.1f} Hz as on tires whose stiffness over the declared is"
     )
     return Derived(what, ratio, *(TIRES if spring is not None else TIRES_AND_SPRING), "", powers)
+
+
+def _judged(tires: Sequence[Derived]) -> list[Derived]:
+    """The values of all axles, with wider ranges where their geometric mean, in which scatter counts less, is usual."""
+    if len(tires) > 1:
+        mean = math.exp(sum(math.log(d.value) for d in tires) / len(tires))
+        if not tires[0].low <= mean <= tires[0].high:
+            return list(tires)
+    return [replace(d, low=d.low / ONE_AXLE, high=d.high * ONE_AXLE) for d in tires]
 
 
 def _travels(runs: Sequence[BumpRun], i: int, axle: Axle) -> Iterator[Derived]:

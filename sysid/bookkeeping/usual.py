@@ -248,6 +248,9 @@ def _distances(vehicle: Vehicle) -> Iterator[Derived]:
     """Wheels of neighbouring axles do not touch."""
     for one, other in pairwise(vehicle.axles):
         share = (other.x_m - one.x_m) / (one.tire_radius_m + other.tire_radius_m)
+        # Axles that are listed from the rear are told by the order in which they meet the bump.
+        if share <= 0.0:
+            continue
         powers = {of_axle("x_m", other, other.x_m): 1.0}
         powers |= {of_axle("tire_radius_m", axle, axle.tire_radius_m): -1.0 for axle in (one, other)}
         what = f"the distance of '{shorten(one.name)}' and '{shorten(other.name)}' over the sum of their tire radii is"

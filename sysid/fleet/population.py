@@ -16,8 +16,9 @@ from sysid.fleet.hierarchy import Hierarchy, HyperPriors, TypeData
 from sysid.fleet.likelihood import likelihood_of
 from sysid.fleet.population_prior import PopulationPrior, prior_of_others
 from sysid.fleet.weights import MOST_K, Weights, campaign_weights, log_correction, smoothed
+from sysid.posterior.options import SamplingOptions
 from sysid.posterior.sampled_posterior import Posterior
-from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.posterior.sampling import sample_posterior
 from sysid.progress import Progress, unwatched
 
 #: Probability, over all trucks and parameters of a type, that a fleet without any outlier has one by chance.

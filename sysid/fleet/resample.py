@@ -60,7 +60,8 @@ def sample_again(campaign: Path, output: Path, prior: PopulationPrior, progress:
         If the campaign has no draws, or it or the program has changed since they were made.
     """
     from sysid.posterior.log_density import LIKELIHOOD
-    from sysid.posterior.sampling import SamplingOptions, sample_posterior
+    from sysid.posterior.options import SamplingOptions
+    from sysid.posterior.sampling import sample_posterior
     from sysid.workflow.settings import recall
     from sysid.workflow.stages.posterior import log_draws
 

@@ -9,8 +9,9 @@ from sysid.lazy_names import lazy_names
 if TYPE_CHECKING:
     from sysid.posterior.log_density import LIKELIHOOD, LogDensity
     from sysid.posterior.moves import LaplaceMove, posterior_moves
+    from sysid.posterior.options import SamplingOptions
     from sysid.posterior.sampled_posterior import Posterior, PosteriorSummary
-    from sysid.posterior.sampling import SamplingOptions, sample_posterior
+    from sysid.posterior.sampling import sample_posterior
 
 _HOMES = {
     "LIKELIHOOD": "sysid.posterior.log_density",
@@ -18,7 +19,7 @@ _HOMES = {
     "LogDensity": "sysid.posterior.log_density",
     "Posterior": "sysid.posterior.sampled_posterior",
     "PosteriorSummary": "sysid.posterior.sampled_posterior",
-    "SamplingOptions": "sysid.posterior.sampling",
+    "SamplingOptions": "sysid.posterior.options",
     "posterior_moves": "sysid.posterior.moves",
     "sample_posterior": "sysid.posterior.sampling",
 }

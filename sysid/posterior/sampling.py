@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import emcee
@@ -18,6 +18,7 @@ from sysid.posterior.diagnostics import Diagnosis, diagnose, standstills, summar
 from sysid.posterior.ensembles import Density, Ensemble, advance, first, restored
 from sysid.posterior.history import History
 from sysid.posterior.moves import fitted_to_walkers, posterior_moves
+from sysid.posterior.options import SamplingOptions
 from sysid.posterior.sampled_posterior import Posterior
 from sysid.progress import Progress, unwatched
 from sysid.threads import one_blas_thread
@@ -31,31 +32,6 @@ _DENSE_SEGMENTS = 50
 _MANY_REJECTED = 0.01
 #: Every how many steps proposals that are fitted to draws look at the walkers.
 _APART = 5
-
-
-@dataclass(frozen=True)
-class SamplingOptions:
-    """Settings of the sampling stage.
-
-    `ensembles` independent ensembles of `walkers_per_parameter` walkers per parameter; sampling goes on in stretches of
-    `segment_steps` until R-hat < `rhat_limit` and at least `min_effective` effective draws for every parameter, or
-    `max_steps`.  `start_inflation` widens the Laplace covariance from which the walkers start.  Independence proposals
-    are those of the Laplace approximation. Where the chain has not converged after `adapting_steps` with them, they are
-    fitted to its second half, and again at every doubling. Convergence is judged from `min_steps` after the last change
-    of the proposals on, and draws before that change are in no posterior that is called converged.
-    """
-
-    ensembles: int = 4
-    walkers_per_parameter: float = 2.1
-    segment_steps: int = 10
-    adapting_steps: int = 60
-    min_steps: int = 20
-    max_steps: int = 1500
-    rhat_limit: float = 1.01
-    min_effective: float = 400.0
-    start_inflation: float = 2.0
-    seed: int = 0
-    preview: bool = False
 
 
 @one_blas_thread()

@@ -10,7 +10,7 @@ from typing import Any, cast, get_args
 from sysid.errors import CampaignError
 from sysid.estimation.fit.options import FitOptions
 from sysid.files import read_json, write_text
-from sysid.posterior.sampling import SamplingOptions
+from sysid.posterior.options import SamplingOptions
 from sysid.road.contact_laws import ContactLaw
 from sysid.validation.channel_agreement import ValidationLimits
 from sysid.wording import finish, nearest, shorten

@@ -40,7 +40,7 @@ def said(truck, listed, monkeypatch, *, driven=("unloaded", "loaded")) -> list[s
         of_case = {"unloaded": EMPTY, "loaded": LADEN}[name]
         return SimpleNamespace(unexplained=0.05, stiffness=of_case) if name in driven else None
 
-    monkeypatch.setattr(drops, "_share", lambda drop: shares[drop.log.file])
+    monkeypatch.setattr(drops, "compressed_share", lambda drop: shares[drop.log.file])
     monkeypatch.setattr(drops, "stiffness_of", stiffness)
     return drop_complaints(replace(truck, plank_drops=tuple(made)), [])
 

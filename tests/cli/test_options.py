@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from sysid.cli.main import cli
 from sysid.cli.stages import INTERRUPTED
 from sysid.planning.ranking import CANDIDATE_KM_H
-from sysid.posterior.sampling import SamplingOptions
+from sysid.posterior.options import SamplingOptions
 from sysid.road.contact_laws import CONTACT_LAWS, ContactLaw
 from sysid.workflow import Calibration, make_settings
 

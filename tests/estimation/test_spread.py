@@ -8,7 +8,8 @@ from scipy.stats import norm
 
 from sysid.estimation.uncertainty.spread import Spread, covariance_root, spread_between
 from sysid.posterior.diagnostics import effective_draws
-from sysid.posterior.sampling import SamplingOptions, chain_identity, posterior_so_far, sample_posterior
+from sysid.posterior.options import SamplingOptions
+from sysid.posterior.sampling import chain_identity, posterior_so_far, sample_posterior
 
 
 def test_the_spread_of_a_linear_model_is_how_parameters_follow_masses() -> None:

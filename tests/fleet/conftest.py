@@ -9,7 +9,7 @@ from fleet_results import write_fleet_results
 
 from sysid.fleet import population
 from sysid.fleet.results import FleetResults, compute
-from sysid.posterior.sampling import SamplingOptions
+from sysid.posterior.options import SamplingOptions
 
 SHORT = SamplingOptions(
     ensembles=4, segment_steps=100, adapting_steps=0, min_steps=200, max_steps=1500, min_effective=200.0

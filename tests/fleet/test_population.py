@@ -17,7 +17,7 @@ from sysid.fleet.likelihood import likelihood_of, sensitivity_to, without_shared
 from sysid.fleet.population import find_outliers, fit_population, stand_alone
 from sysid.fleet.records import SharedError
 from sysid.fleet.weights import campaign_weights
-from sysid.posterior.sampling import SamplingOptions
+from sysid.posterior.options import SamplingOptions
 
 POSTERIORDB = Path(__file__).resolve().parents[1] / "data" / "posteriordb"
 SHORT = SamplingOptions(

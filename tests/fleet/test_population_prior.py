@@ -30,7 +30,7 @@ from sysid.fleet.population import TypePopulation, fit_population
 from sysid.fleet.population_prior import ExchangedPrior, Fitted, PopulationPrior, exchange, prior_of_others
 from sysid.fleet.read import read_fleet
 from sysid.fleet.running import RunOptions, recalibrate, run_fleet
-from sysid.posterior.sampling import SamplingOptions
+from sysid.posterior.options import SamplingOptions
 
 NAMES = ("k_1", "k_2", "c_1", "c_2", "kt_1")
 SHORT = SamplingOptions(

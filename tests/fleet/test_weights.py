@@ -11,7 +11,7 @@ from sysid.fleet.hierarchy import HyperPriors, TypeData
 from sysid.fleet.likelihood import likelihood_of
 from sysid.fleet.population import fit_population
 from sysid.fleet.weights import smoothed
-from sysid.posterior.sampling import SamplingOptions
+from sysid.posterior.options import SamplingOptions
 
 
 def skewed_fleet(seed: int, trucks: int = 8) -> tuple[TypeData, list[CampaignDraws], np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ import pytest
 
 from sysid import limits
 from sysid.campaign import Sensor, read_log
-from sysid.campaign.quality.sensor_trios import _common_grid
+from sysid.campaign.quality.sensor_trios import fit_factors, hop_size
 from sysid.campaign.records import Channel
 from sysid.errors import DataRejectedError
 from sysid.sdof import read_decay
@@ -80,5 +80,5 @@ def test_a_grid_has_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_allclose(found, 1e-4 * np.arange(1000), atol=1e-12)
     # A tiny interval must not make the comparison of sensors lay a grid of billions.
     channel = Channel(SENSOR, TIME, DECAY, np.zeros(TIME.size, np.int8))
-    assert _common_grid([channel], 0.005) is None
-    assert _common_grid([channel], 1e-9) is None
+    assert fit_factors(channel, channel, None, 1e-9) is None
+    assert hop_size(channel, 1e-9) == 0.0

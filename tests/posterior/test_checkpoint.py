@@ -11,7 +11,8 @@ import pytest
 
 from sysid.errors import CampaignError, DataRejectedError, OutputError
 from sysid.posterior.checkpoint import Checkpoint
-from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.posterior.options import SamplingOptions
+from sysid.posterior.sampling import sample_posterior
 from sysid.posterior.segments import read_segments, segment_file, segment_files
 
 NAMES = ("k_1", "k_2", "c_1")

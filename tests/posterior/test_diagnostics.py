@@ -13,8 +13,9 @@ from scipy.signal import lfilter
 from sysid.estimation.uncertainty.spread import Spread
 from sysid.posterior.diagnostics import diagnose, standstills, summarise
 from sysid.posterior.ensembles import first
+from sysid.posterior.options import SamplingOptions
 from sysid.posterior.sampled_posterior import optimum_warnings
-from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.posterior.sampling import sample_posterior
 
 SHAPE = (4, 2000, 10, 2)
 

@@ -20,7 +20,8 @@ from pathlib import Path
 import jax, jax.numpy as jnp, numpy as np
 from jax import monitoring
 from sysid.posterior import sampling
-from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.posterior.options import SamplingOptions
+from sysid.posterior.sampling import sample_posterior
 
 compilations = []
 monitoring.register_event_duration_secs_listener(

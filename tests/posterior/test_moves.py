@@ -14,7 +14,8 @@ from scipy.stats import multivariate_t
 from sysid.posterior import sampling
 from sysid.posterior.diagnostics import diagnose
 from sysid.posterior.moves import LaplaceMove, fitted_to_walkers, posterior_moves
-from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.posterior.options import SamplingOptions
+from sysid.posterior.sampling import sample_posterior
 
 DIMENSION, WALKERS, SEED = 10, 600, 7
 CENTRE = np.linspace(-3.0, 6.0, DIMENSION)

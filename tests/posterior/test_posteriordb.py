@@ -13,7 +13,8 @@ from reference_posteriors import ReferencePosterior, absorption, eight_schools, 
 from scipy.integrate import solve_ivp
 
 from sysid.posterior import LaplaceMove, sampling
-from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.posterior.options import SamplingOptions
+from sysid.posterior.sampling import sample_posterior
 
 #: Their standard deviations are not finite (Cauchy tails): the width between the 5 and 95 % quantiles stands in.
 HEAVY_TAILS = ("K_m", "V_m")

@@ -14,8 +14,9 @@ from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.posterior.log_density import LogDensity
+from sysid.posterior.options import SamplingOptions
 from sysid.posterior.sampled_posterior import Posterior
-from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.posterior.sampling import sample_posterior
 
 #: Stiffness and damping: all others stay at the optimum, so that the priors are wide beside the posterior.
 SAMPLED = 6

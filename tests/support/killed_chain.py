@@ -19,8 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from sysid.posterior.checkpoint import read_chain
+from sysid.posterior.options import SamplingOptions
 from sysid.posterior.sampled_posterior import Posterior
-from sysid.posterior.sampling import SamplingOptions, sample_posterior
+from sysid.posterior.sampling import sample_posterior
 from sysid.posterior.segments import segment_file
 from sysid.threads import one_blas_thread
 

@@ -23,7 +23,7 @@ from sysid.estimation.residuals.run_history import HistoryBand
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.uncertainty.spread import Spread
 from sysid.posterior import sampling
-from sysid.posterior.sampling import SamplingOptions
+from sysid.posterior.options import SamplingOptions
 from sysid.workflow import Calibration, Settings, stages
 from sysid.workflow.progress import Steps
 from sysid.workflow.stages import BANDS, CHECK, DROPS, FIT, PREDICT, SAMPLE, SCAN, STAGES

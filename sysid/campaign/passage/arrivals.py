@@ -190,8 +190,14 @@ def _passage(
     if line is None or 2 * sum(_quiet_before(rising[a], v.time_s, pace) for a, v in arrivals.items()) < seen:
         return None
     begin, end = (f(v.time_s for v in arrivals.values()) for f in (min, max))
-    near = (begin - _UNDISTURBED_S, end + _UNDISTURBED_S)
-    disturbed = any(first < near[1] and last > near[0] for spans in missing.values() for first, last in spans)
+    log_begin_s = min(float(grid[0]) for grid, _ in rising.values())
+    disturbed = any(
+        first < end + _UNDISTURBED_S
+        # Of a sensor that begins late, rest is missing: it disturbs its own arrival only.
+        and last > (begin if first > log_begin_s or axle not in arrivals else arrivals[axle].time_s) - _UNDISTURBED_S
+        for axle, spans in missing.items()
+        for first, last in spans
+    )
     return Passage(line[0], arrivals, seen, not disturbed)
 
 
