@@ -47,8 +47,23 @@ def test_tires_follow_from_wheel_hop() -> None:
     (value,) = [v for v in measured_values(campaign(), {0: 10.0}, []) if "hop" in v.what]
     assert value.value == pytest.approx((2.0 * math.pi * 10.0) ** 2 * 600.0 / 1.8e6)
     assert said(campaign(), {0: 10.0}) == []
-    (sentence,) = said(campaign(with_front(tire_stiffness_N_per_m=0.9e6)), {0: 10.0})
-    assert "tire_stiffness_N_per_m of 'front' (900000), as if given of one side" in sentence
+    (sentence,) = said(campaign(with_front(tire_stiffness_N_per_m=0.45e6)), {0: 10.0})
+    assert "tire_stiffness_N_per_m of 'front' (450000)" in sentence
+
+
+def test_a_factor_of_two_on_tires_needs_more_than_one_axle() -> None:
+    """The hop of one axle, which moves with the frame, is no witness for so little; that of all axles is."""
+    assert said(campaign(with_front(tire_stiffness_N_per_m=0.9e6)), {0: 10.0}) == []
+    hop_hz = {
+        i: math.sqrt(1.3 * axle.tire_stiffness_N_per_m / mass) / (2.0 * math.pi)
+        for i, (axle, mass) in enumerate(zip(VEHICLE.axles, VEHICLE.unsprung_mass_kg, strict=True))
+    }
+    assert said(campaign(VEHICLE), hop_hz) == []
+    assert said(campaign(with_front(tire_stiffness_N_per_m=0.9e6)), hop_hz) == []
+    halves = tuple(replace(a, tire_stiffness_N_per_m=0.5 * a.tire_stiffness_N_per_m) for a in VEHICLE.axles)
+    (sentence,) = said(campaign(replace(VEHICLE, axles=halves)), hop_hz)
+    assert "all tire_stiffness_N_per_m" in sentence
+    assert "as if given of one side" in sentence
 
 
 @pytest.mark.parametrize(
