@@ -22,7 +22,7 @@ ROOT = Path(sysid.__file__).resolve().parent
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
     {"errors", "limits"},
-    {"arrays", "files", "helper_child", "lazy_names", "private_files", "progress", "read_worker", "wording"},
+    {"arrays", "files", "helper_child", "private_files", "progress", "read_worker", "wording"},
     {
         "array_file",
         "bounded_reader",
@@ -177,7 +177,6 @@ SHOWN = {
     "estimation.fit.thresholds",
     "files",
     "helper_process",
-    "lazy_names",
     "numbers",
     "results.contents",
     "results.judgement",
@@ -263,13 +262,6 @@ def test_light_packages_load_nothing_heavy(statement: str, absent: tuple[str, ..
     code = f"import sys\n{statement}\nprint(*sorted(set({absent!r}) & sys.modules.keys()))"
     result = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == ""
-
-
-def test_public_names_are_loaded_when_first_used():
-    assert sysid.read_campaign.__module__.startswith("sysid.campaign")
-    assert set(sysid.__all__) <= set(dir(sysid))
-    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
-        _ = sysid.nonsense
 
 
 def test_test_modules_have_names_of_their_own():

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sysid.export import Results, prediction_files
+from sysid.export import prediction_files
 from sysid.numbers import MISSING, decimals, fixed, interval, number, speed
 from sysid.report.cells import Cell, Table, axle_name, table
+from sysid.results.contents import Results
 from sysid.results.pass_limits import TRUST_WORDS, pass_name
 
 if TYPE_CHECKING:

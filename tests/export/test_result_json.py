@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from small_results import Words, before_sampling, campaign_only, small_fit, small_results
 
-from sysid.export import Results, result_document, result_schema, write_result
-from sysid.results.contents import Judgement
+from sysid.export import result_document, result_schema, write_result
+from sysid.results.contents import Judgement, Results
 from sysid.validation.channel_agreement import LeftOut, LeftOutRun
 
 

@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 from small_results import Words, before_sampling, campaign_only, small_profile, small_results
 
+from sysid.csv_cells import escape_cell
 from sysid.export import (
-    escape_cell,
     parameters_csv,
     prediction_csv,
     prediction_files,

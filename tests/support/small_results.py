@@ -19,11 +19,11 @@ from sysid.estimation.residuals.run_history import HistoryBand, RunHistory
 from sysid.estimation.uncertainty.data_information import DataInformation
 from sysid.estimation.uncertainty.identifiability import assess
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
-from sysid.export import Results
 from sysid.planning.advice_records import Advice, PeakTarget, Prospect
 from sysid.posterior.sampled_posterior import Posterior, PosteriorSummary
 from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.trust import DrivenRange, Extrapolation
+from sysid.results.contents import Results
 from sysid.road.road_profile import ProfileIdentity, RoadProfile, ScanAnalysis
 from sysid.sdof.drop_results import DecayReading, DropAnalysis, DropEstimate, DropSummary
 from sysid.validation.channel_agreement import ChannelAgreement, Validation

@@ -1,0 +1,17 @@
+from . import plot as plot
+from .campaign import Campaign as Campaign
+from .campaign import check_quality as check_quality
+from .campaign import read_campaign as read_campaign
+from .errors import CampaignError as CampaignError
+from .errors import DataRejectedError as DataRejectedError
+from .errors import NotConvergedError as NotConvergedError
+from .errors import SysidError as SysidError
+from .estimates.calibrated_truck_modes import calibrated_modes as calibrated_modes
+from .road import analyse_scan as analyse_scan
+from .road import effective_profiles as effective_profiles
+from .road import read_point_cloud as read_point_cloud
+from .sdof import analyse_drops as analyse_drops
+from .vehicle_model import natural_modes as natural_modes
+from .workflow import Calibration as Calibration
+from .workflow import Settings as Settings
+from .workflow import make_settings as make_settings

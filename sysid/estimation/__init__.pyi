@@ -1,0 +1,14 @@
+from .fit.fit_result import FitResult as FitResult
+from .fit.law_choice import fit_with_laws as fit_with_laws
+from .fit.least_squares import fit_bump_runs as fit_bump_runs
+from .fit.minimiser import Minimum as Minimum
+from .fit.minimiser import minimise as minimise
+from .fit.options import FitOptions as FitOptions
+from .fit.state import FitState as FitState
+from .parameters.campaign_parameters import campaign_parameters as campaign_parameters
+from .parameters.estimate import ParameterEstimate as ParameterEstimate
+from .parameters.parameter_set import Parameter as Parameter
+from .parameters.parameter_set import ParameterSet as ParameterSet
+from .residuals.bump_model import BumpModel as BumpModel
+from .residuals.bump_model import bump_model as bump_model
+from .residuals.run_history import RunHistory as RunHistory

@@ -1,0 +1,17 @@
+from .chrono import chrono_merged as chrono_merged
+from .chrono import read_chrono as read_chrono
+from .inference_data import posterior_tree as posterior_tree
+from .inference_data import write_posterior as write_posterior
+from .models import model_texts as model_texts
+from .models import moving_force_texts as moving_force_texts
+from .models import write_models as write_models
+from .naming import prediction_files as prediction_files
+from .result_json import result_document as result_document
+from .result_json import result_schema as result_schema
+from .result_json import write_result as write_result
+from .tables import parameters_csv as parameters_csv
+from .tables import prediction_csv as prediction_csv
+from .tables import validation_csv as validation_csv
+from .tables import write_parameters as write_parameters
+from .tables import write_predictions as write_predictions
+from .tables import write_validation as write_validation

@@ -1,0 +1,14 @@
+from .outcome import Outcome as Outcome
+from .population import TypePopulation as TypePopulation
+from .read import read_fleet as read_fleet
+from .records import Fleet as Fleet
+from .records import FleetCampaign as FleetCampaign
+from .records import SharedError as SharedError
+from .records import Truck as Truck
+from .results import compute as compute
+from .running import Row as Row
+from .running import RunOptions as RunOptions
+from .running import recalibrate as recalibrate
+from .running import run_fleet as run_fleet
+from .simulate import SimulatedFleet as SimulatedFleet
+from .simulate import simulate_fleet as simulate_fleet

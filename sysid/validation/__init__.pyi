@@ -1,0 +1,13 @@
+from .agreement import validate as validate
+from .channel_agreement import ChannelAgreement as ChannelAgreement
+from .channel_agreement import Validation as Validation
+from .channel_agreement import ValidationLimits as ValidationLimits
+from .metrics import PeakError as PeakError
+from .metrics import SpragueGeers as SpragueGeers
+from .metrics import dominant_frequency as dominant_frequency
+from .metrics import fit_percent as fit_percent
+from .metrics import nrmse as nrmse
+from .metrics import peak_error as peak_error
+from .metrics import sprague_geers as sprague_geers
+from .objective_rating import ObjectiveRating as ObjectiveRating
+from .objective_rating import objective_ratings as objective_ratings
