@@ -18,7 +18,7 @@ def test_every_page_is_in_the_navigation():
     assert sorted(Path(name) for name in NAMES.findall(navigation)) == PAGES
 
 
-@pytest.mark.parametrize("page", ["README.md", *(f"docs/{p}" for p in PAGES)])
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", *(f"docs/{p}" for p in PAGES)])
 def test_links_and_pictures_exist(page: str):
     path = ROOT / page
     text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
