@@ -99,10 +99,13 @@ def _columns(look: FirstLook) -> TextTable:
 
 def _files(look: FirstLook) -> TextTable:
     kinds = {entry.file: entry for entry in look.tests}
-    units_of = {s.column: s.unit for s in (*look.run_sensors, *look.drop_sensors) if s.unit is not None}
+    sensors = (*look.run_sensors, *look.drop_sensors)
+    units_of = {s.column: s.unit for s in sensors if s.unit is not None}
+    unused = {s.column for s in sensors if s.unused is not None}
     table = TextTable("Files", ("file", "what", "columns", "Hz", "length s", "units", "taken for"))
     for log in look.logs[:_ROWS]:
-        units = sorted({units_of[c] for c in log.columns if c in units_of} | {x.unit for x in log.looks if x.unit})
+        of_file = {x.unit for x in log.looks if x.unit and x.name not in unused}
+        units = sorted({units_of[c] for c in log.columns if c in units_of} | of_file)
         entry = kinds.get(log.file)
         if entry is None:
             of_run = any(log.file in files.values() for files in look.files.values())

@@ -15,14 +15,14 @@ from sysid.logs.names import normal_name
 class Clock:
     """Time stamps of one or more channels: `time_s` (n,), NaN where a stamp is missing, and where they stand.
 
-    `name` is that of the column or channel of time; row i of the stamps is row `first_row` + i for people. The stamps
-    are `counted` where they had too few digits and were spread by the number of rows.
+    `name` is that of the column or channel of time; row i of the stamps is row `first_row` + i for people. `written`
+    are the stamps (n,) [s] of the file where they had too few digits and were spread by the number of rows.
     """
 
     name: str
     time_s: np.ndarray
     first_row: int = 1
-    counted: bool = False
+    written: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

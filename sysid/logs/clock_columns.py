@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,8 @@ _LISTED = 4
 _STRAY = 0.01
 #: Part of a step by which stamps of the same time may differ.
 _SAME = 1e-3
+#: Part of the rows of its time that a channel fills to its end, and rows below which nothing is said about it.
+_WHOLE, _LEAST_ROWS = 0.98, 16
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,36 @@ def time_of_channel(
     if said is not None and not same_time(nearest.stamps, said.stamps):
         raise SeveralTimesError([said, nearest], "'time' names the first, the second stands between it and the channel")
     return nearest
+
+
+def nameless_time(
+    values: np.ndarray, stamps: np.ndarray, others: Iterable[tuple[str, np.ndarray]]
+) -> tuple[int, str] | None:
+    """The last row of a channel that ends before its time, and the name of what may be its time; else None.
+
+    It is a column that counts up evenly and ends in the same row.
+
+    Parameters
+    ----------
+    values, stamps : readings of the channel and its time (rows,), NaN where missing.
+    others : names and values (rows,) of the columns between the time and the channel, from the right; read only where
+        the channel ends early.
+    """
+    end = _last(values)
+    if end > _WHOLE * _last(stamps) or end < _LEAST_ROWS:
+        return None
+    for name, counts in others:
+        steps = np.diff(counts[np.isfinite(counts)])
+        if _last(counts) == end and steps.size and np.min(steps) > 0.0 and np.max(steps) < 2.0 * np.min(steps):
+            return end, name
+    return None
+
+
+def _last(values: np.ndarray) -> int:
+    """Row of the last number, -1 where there is none."""
+    if values.size and np.isfinite(values[-1]):
+        return values.size - 1
+    return int(np.flatnonzero(np.isfinite(values)).max(initial=-1))
 
 
 def _advancing(times: Sequence[TimeColumn]) -> list[TimeColumn]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.logs.clock_columns import SeveralTimesError, TimeColumn, same_time, time_of_channel
+from sysid.logs.clock_columns import SeveralTimesError, TimeColumn, nameless_time, same_time, time_of_channel
 from sysid.logs.file_channels import (
     LARGEST,
     LISTED,
@@ -87,6 +87,7 @@ class FileClocks:
         if channel.time is None or self.time is not None:
             found = self._column_of_time(channel, values)
             if found is not None:
+                self._refuse_nameless_time(channel, values, found)
                 return id(found), found.name, partial(self._seconds, found)
         if isinstance(channel.time, FileChannel):
             return id(channel.time), channel.time.name, partial(self._seconds, channel.time)
@@ -97,6 +98,28 @@ class FileClocks:
             f"has no time column for '{shorten(channel.path)}', expected '{shorten(expected)}' of the same length; say "
             "its name by 'time' in campaign.toml or write it with the file"
         )
+
+    def _refuse_nameless_time(self, channel: FileChannel, values: np.ndarray, time: FileChannel) -> None:
+        """Refuse a channel that ends early together with a column to its left that counts up: this may be its time."""
+        if not channel.in_order or not np.isnan(values[-1:]).any():
+            return
+        part = [c for c in self._parts[channel.group, channel.place] if c.length == channel.length]
+        at = {id(c): i for i, c in enumerate(part)}
+        stamps = self._seconds(time)
+
+        def others() -> Iterator[tuple[str, np.ndarray]]:
+            for other in reversed(part[at.get(id(time), at[id(channel)]) + 1 : at[id(channel)]]):
+                if not self._is_time(other):
+                    with suppress(RefusedError):
+                        yield other.path, numbers_of(other.load()[0], other.path)
+
+        found = nameless_time(values, stamps, others()) if stamps.size == values.size else None
+        if found is not None:
+            raise RefusedError(
+                f"has no more readings of '{shorten(channel.path)}' behind row {found[0] + channel.first_row}, before "
+                f"the time '{shorten(time.name)}' ends, and none of '{shorten(found[1])}', which counts up evenly: "
+                "name that column a time, such as time2_s, if it is the time of this channel, or leave it out"
+            )
 
     def _column_of_time(self, channel: FileChannel, values: np.ndarray) -> FileChannel | None:
         """The column of time in the part of the file in which a channel stands, or in one around it.

@@ -25,6 +25,7 @@ from sysid.logs.file_channels import (
     unit_text,
 )
 from sysid.logs.file_clocks import FileClocks
+from sysid.logs.sparse_channels import own_rows
 from sysid.wording import shorten
 
 __all__ = ["FileChannel", "RefusedError", "even_time", "selected"]
@@ -106,8 +107,10 @@ class _Answer:
         numbers = numbers_of(array, channel.path)
         clock = self.clocks.clock_of(channel, numbers)
         holes = np.isnan(numbers)
-        # Rows without a stamp are no samples.
-        missing = int(np.count_nonzero(holes & np.isfinite(self.clocks.stamps[clock]))) if holes.any() else 0
+        # Rows without a stamp are no samples, nor are those between the samples of a slow channel.
+        stamps = self.clocks.stamps[clock]
+        slow = holes.any() and own_rows(numbers, stamps) is not None
+        missing = 0 if slow else int(np.count_nonzero(holes & np.isfinite(stamps)))
         if missing:
             self.messages.append(
                 f"{missing} of {numbers.size} samples of '{shorten(channel.path)}' are {channel.invalid} or hold no "

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.logs.channels import Clock, RawChannel
+from sysid.wording import joined_words, shorten
 
 _LEAST_READINGS = 16
 #: Rows without a reading stand between at least this share of the readings.
@@ -16,18 +17,21 @@ _BETWEEN = 0.5
 _EVEN = 1.5
 #: Share of filled rows above which a channel is none of these.
 _BUSY = 0.7
+#: Columns that a sentence lists.
+_LISTED = 4
 
 
 def with_own_rows(channels: Sequence[RawChannel], label: str) -> tuple[tuple[RawChannel, ...], tuple[str, ...]]:
-    """The channels, slow ones with a clock of the rows that they fill, and a sentence about each of these.
+    """The channels, slow ones with a clock of the rows that they fill, and a sentence about those of every such clock.
 
     Loggers write channels of several rates into one table with one time; cells between the samples of a slow one are
     empty. A reading that is lost for a while leaves rows empty one after the other, and stays missing.
     """
-    found, said = [], []
+    found = []
     clocks: dict[tuple[int, bytes], Clock] = {}
+    slow: dict[tuple[int, int], list[str]] = {}
     for channel in channels:
-        rows = _own_rows(channel)
+        rows = own_rows(channel.values, channel.clock.time_s)
         if rows is None:
             found.append(channel)
             continue
@@ -35,21 +39,33 @@ def with_own_rows(channels: Sequence[RawChannel], label: str) -> tuple[tuple[Raw
         key = id(clock), rows.tobytes()
         own = clocks.setdefault(key, Clock(clock.name, clock.time_s[rows], clock.first_row + int(rows[0])))
         found.append(replace(channel, clock=own, values=channel.values[rows]))
-        said.append(
-            f"{label}: '{channel.name[:60]}' has a reading in {rows.size} of {clock.time_s.size} rows, evenly spread; "
-            "it is taken as sampled in these rows only."
-        )
-    return tuple(found), tuple(said)
+        slow.setdefault((rows.size, clock.time_s.size), []).append(channel.name)
+    return tuple(found), tuple(_sentence(label, names, *counts) for counts, names in slow.items())
 
 
-def _own_rows(channel: RawChannel) -> np.ndarray | None:
-    """Rows with readings of a channel that is slower than its table, None for others."""
+def _sentence(label: str, names: Sequence[str], readings: int, rows: int) -> str:
+    shown = joined_words([f"'{shorten(n)}'" for n in names[:_LISTED]])
+    more = f" and {len(names) - _LISTED} more columns" if len(names) > _LISTED else ""
+    have, taken = ("have", "they are") if len(names) > 1 else ("has", "it is")
+    return (
+        f"{label}: {shown}{more} {have} a reading in {readings} of {rows} rows, evenly spread; {taken} taken as "
+        "sampled in these rows only."
+    )
+
+
+def own_rows(values: np.ndarray, stamps: np.ndarray) -> np.ndarray | None:
+    """Rows with readings of a channel that is slower than its table, None for others.
+
+    Parameters
+    ----------
+    values, stamps : readings and stamps [s] of all rows of the table (n,), NaN where missing.
+    """
     # Where empty rows stand between half of the readings, a third of the rows is empty.
-    if np.count_nonzero(np.isfinite(channel.values)) > _BUSY * channel.values.size:
+    if np.count_nonzero(np.isfinite(values)) > _BUSY * values.size:
         return None
-    rows = np.flatnonzero(np.isfinite(channel.values) & np.isfinite(channel.clock.time_s))
+    rows = np.flatnonzero(np.isfinite(values) & np.isfinite(stamps))
     if rows.size < _LEAST_READINGS or np.mean(np.diff(rows) > 1) < _BETWEEN:
         return None
-    steps = np.diff(channel.clock.time_s[rows])
+    steps = np.diff(stamps[rows])
     low, high = np.quantile(steps, (0.05, 0.95))
     return rows if low > 0.0 and high <= _EVEN * low else None

@@ -26,6 +26,8 @@ _EPOCH_S = 6.3e8, 4.1e9
 _SLIPS = 3.0
 #: Part by which the rate of many stamps may differ from the one that is known.
 _NEAR = 0.01
+#: Part of the resolution by which bands of two lines may differ that explain the stamps as well.
+_SAME_BAND = 0.05
 #: Up to this share of repeated stamps is a hiccup of the logger.
 HICCUPS = 0.01
 
@@ -65,7 +67,9 @@ def settled(clock: Clock, label: str) -> tuple[Clock, tuple[str, ...]]:
             f"{label}: {column} has a resolution of {resolution:.3g} s, too few digits for its rate: {shared} rows "
             f"share the stamp of the row before; by their count the rows are {step:.5g} s apart ({1.0 / step:.5g} Hz)."
         )
-    return replace(clock, time_s=result, counted=shared > 0), tuple(said)
+    written = np.full(stamps.size, np.nan)
+    written[known] = seen
+    return replace(clock, time_s=result, written=written if shared else None), tuple(said)
 
 
 def in_seconds(stamps: np.ndarray) -> np.ndarray:
@@ -175,6 +179,21 @@ def spread(stamps: np.ndarray, rows: np.ndarray, step_s: float) -> np.ndarray | 
     near = abs(slope / step_s - 1.0)
     line, width = _line(stamps, rows, part, slope if near < _EXACT else step_s)
     return line if width <= (_SLIPS if near < _NEAR else 1.05) * resolution else None
+
+
+def as_known(stamps: np.ndarray, rows: np.ndarray, step_s: float) -> np.ndarray | None:
+    """Stamps with few digits at even rows that are known to be `step_s` apart, None where a rate near it fits better.
+
+    A row that was lost between repeated stamps tilts the line through them, and lifts the stamps behind it off every
+    line: then the rate of the line is no better than the one that is known.
+    """
+    _, resolution, highest = _resolution(np.diff(stamps))
+    part = np.concatenate([[0], np.cumsum(np.diff(stamps) > highest + 0.5 * resolution)])
+    own = _slope(stamps, rows, part)
+    if abs(own / step_s - 1.0) >= _NEAR:
+        return None
+    line, width = _line(stamps, rows, part, step_s)
+    return line if width <= _line(stamps, rows, part, own)[1] + _SAME_BAND * resolution else None
 
 
 def _slope(stamps: np.ndarray, rows: np.ndarray, part: np.ndarray) -> float:

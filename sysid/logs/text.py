@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 
 import numpy as np
 
 from sysid.errors import DataRejectedError
 from sysid.logs.channels import Clock, LogContent, LogFormat, LogRequest, RawChannel
-from sysid.logs.clock_columns import SeveralTimesError, TimeColumn, time_of_channel
+from sysid.logs.clock_columns import SeveralTimesError, TimeColumn, nameless_time, time_of_channel
 from sysid.logs.input_file import InputFile
 from sysid.logs.table_head import is_reading
 from sysid.logs.text_table import TextTable, open_table
 from sysid.logs.time_columns import find_time, is_time, seconds_in
 from sysid.wording import shorten
-
-#: Part of the rows of its time that a channel fills to its end, and rows below which nothing is said about it.
-_WHOLE, _LEAST_ROWS = 0.98, 16
 
 
 def _read(file: InputFile, label: str, request: LogRequest) -> LogContent:
@@ -75,30 +73,20 @@ def _refuse_nameless_time(
     table: TextTable, name: str, place: int, columns: dict[int, np.ndarray], time: TimeColumn
 ) -> None:
     """Refuse a channel that ends early together with a column to its left that counts up: this may be its time."""
-    end = _last(columns[place])
-    if end > _WHOLE * _last(time.stamps) or end < _LEAST_ROWS:
-        return
-    for other in range(place - 1, time.place, -1):
-        if other not in columns and is_reading(table.first_cell(other)):
-            try:
-                counts = table.read([other])[other]
-            except DataRejectedError:
-                continue
-            steps = np.diff(counts[np.isfinite(counts)])
-            if _last(counts) == end and steps.size and np.min(steps) > 0.0 and np.max(steps) < 2.0 * np.min(steps):
-                raise DataRejectedError(
-                    f"{table.label}: '{shorten(name)}' ends in row {end + table.layout.first_row}, before the time "
-                    f"'{shorten(time.name)}' does, and so does the column '{shorten(table.names[other])}', which "
-                    "counts up evenly: name that column a time, such as time2_s, if it is the time of this channel, or "
-                    "leave it out."
-                )
 
+    def others() -> Iterator[tuple[str, np.ndarray]]:
+        for other in range(place - 1, time.place, -1):
+            if other not in columns and is_reading(table.first_cell(other)):
+                with suppress(DataRejectedError):
+                    yield table.names[other], table.read([other])[other]
 
-def _last(values: np.ndarray) -> int:
-    """Row of the last number, -1 where there is none."""
-    if values.size and np.isfinite(values[-1]):
-        return values.size - 1
-    return int(np.flatnonzero(np.isfinite(values)).max(initial=-1))
+    found = nameless_time(columns[place], time.stamps, others())
+    if found is not None:
+        raise DataRejectedError(
+            f"{table.label}: '{shorten(name)}' ends in row {found[0] + table.layout.first_row}, before the time "
+            f"'{shorten(time.name)}' does, and so does the column '{shorten(found[1])}', which counts up evenly: name "
+            "that column a time, such as time2_s, if it is the time of this channel, or leave it out."
+        )
 
 
 FORMAT = LogFormat("csv", "a text table", (".csv", ".txt", ".tsv", ".asc"), lambda head: False, _read)

@@ -346,14 +346,13 @@ def _no_header(first: str, label: str, wanted: Sequence[str]) -> str:
             f"{label} has {len(names)} columns, at most {limits.LOG_COLUMNS} are read; export the sensor columns only."
         )
     numeric = [n for n in names if re.fullmatch(r"[-+\d.,eE]+", n)]
-    expected = f"expected time_s and {', '.join(shorten(w) for w in wanted[:3])}{', ...' if len(wanted) > 3 else ''}"
+    columns = ", ".join(shorten(w) for w in wanted[:3]) or "columns of sensors"
+    expected = f"expected time_s and {columns}{', ...' if len(wanted) > 3 else ''}"
     if names and len(numeric) == len(names):
         return f"{label} has no header line with column names; {expected}."
+    none = "none of the columns of campaign.toml" if wanted else "no column of time"
     shown = ", ".join(f"'{shorten(n, 30)}'" for n in names[:6]) + (", ..." if len(names) > 6 else "")
-    return (
-        f"{label} has none of the columns of campaign.toml in its first {limits.HEADER_LINES} lines (found {shown}); "
-        f"{expected}."
-    )
+    return f"{label} has {none} in its first {limits.HEADER_LINES} lines (found {shown}); {expected}."
 
 
 def near_names(name: str, names: Iterable[str]) -> str:

@@ -16,8 +16,9 @@ from sysid.campaign import Sensor, read_log
 from sysid.campaign.inputs import logs
 from sysid.campaign.inputs.logs import LogWriting
 from sysid.errors import DataRejectedError
-from sysid.logs.channels import Clock, LogContent, RawChannel
+from sysid.logs.channels import Clock, LogContent, LogRequest, RawChannel
 from sysid.logs.input_file import InputFile
+from sysid.logs.registry import read_channels
 
 SENSORS = (
     Sensor("q_mm", "suspension_deflection", "mm", axle=0, full_scale=0.15),
@@ -299,3 +300,9 @@ def test_the_rate_of_a_common_signal_is_not_that_of_the_log(monkeypatch) -> None
     assert log.sample_interval_s == pytest.approx(0.005)
     assert not any("different rates" in message for message in log.messages)
     assert log.sync[0].size == 20
+
+
+@pytest.mark.parametrize("text", ["when,x\n0,1\n1,2\n", "0,1\n1,2\n"])
+def test_a_table_without_time_of_which_everything_is_asked_names_what_it_lacks(text: str) -> None:
+    with pytest.raises(DataRejectedError, match=r"(no column of time|no header line).*expected time_s and columns of"):
+        read_channels(InputFile(Path("log.csv"), text.encode()), "log.csv", LogRequest((), everything=True))

@@ -110,3 +110,16 @@ def test_a_vehicle_that_there_is_not_is_refused(folder: Path) -> None:
     found = run(folder, "--vehicle", "rigid33")
     assert found.exit_code == 2
     assert "There is no vehicle 'rigid33'; did you mean 'rigid3'?" in found.output
+
+
+def test_units_of_counters_are_none_of_sensors(folder: Path) -> None:
+    """A data logger counts its records in a column of the unit RN."""
+    path = folder / "plank_drops/axle2_drop1.csv"
+    names, *rows = path.read_text(encoding="utf-8").splitlines()
+    units = ",".join(name.rpartition("_")[2] for name in names.split(","))
+    rows = [f"{row},{i}" for i, row in enumerate(rows)]
+    path.write_text("\n".join([f"{names},RECORD", f"{units},RN", *rows]) + "\n", encoding="utf-8")
+    found = run(folder)
+    assert found.exit_code == 0, found.output
+    assert "RN" not in found.output
+    assert "a counter" in found.output

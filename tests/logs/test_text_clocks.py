@@ -130,24 +130,24 @@ def test_rows_without_a_stamp_at_the_end_are_blank_only_if_they_hold_nothing() -
         read("time_s;q;a\n" + rows + ";1;\n" * 80)
 
 
-def columns_side_by_side() -> dict[str, np.ndarray]:
+def columns_side_by_side(second: str = "time2_s") -> dict[str, np.ndarray]:
     """The table of `side_by_side` as columns."""
     slow, count = np.full((2, 400), np.nan), np.arange(400)
     slow[0, :200], slow[1, :200] = 0.005 * count[:200], 1.0 + count[:200]
-    return {"time_s": 0.0025 * count, "a": 1.0 + count, "time2_s": slow[0], "q": slow[1]}
+    return {"time_s": 0.0025 * count, "a": 1.0 + count, second: slow[0], "q": slow[1]}
 
 
-def in_sheet() -> bytes:
-    columns = columns_side_by_side()
+def in_sheet(second: str = "time2_s") -> bytes:
+    columns = columns_side_by_side(second)
     rows = [["" if np.isnan(v) else float(v) for v in row] for row in zip(*columns.values(), strict=True)]
     return xlsx([list(columns), ["s", "m/s^2", "s", "mm"], *rows])
 
 
-def in_arrow(write) -> bytes:
+def in_arrow(write, second: str = "time2_s") -> bytes:
     import pyarrow as pa
 
     stream = io.BytesIO()
-    write(pa.table(columns_side_by_side()), stream)
+    write(pa.table(columns_side_by_side(second)), stream)
     return stream.getvalue()
 
 
@@ -191,7 +191,34 @@ def test_every_format_with_columns_in_order_reads_them_alike(name: str, written)
             read_log(data, name, (Q, A), 0.005, LogWriting(time="time_s"))
 
 
+@pytest.mark.parametrize(("name", "write"), [("log.xlsx", None), ("log.parquet", parquet), ("log.feather", feather)])
+def test_a_time_of_another_name_is_noticed_in_every_format(name: str, write) -> None:
+    data = in_sheet("Takt") if write is None else in_arrow(write, "Takt")
+    with pytest.raises(DataRejectedError, match=r"no more readings of '.*q' .*'time_s' ends, and none of '.*Takt'"):
+        read_log(InputFile(Path(name), data), name, (Q, A), 0.005)
+
+
 # ---------------------------------------------------------------------- one time, channels of several rates
+
+
+def test_slow_channels_are_said_once_for_all() -> None:
+    """Of a binary table too, where cells between the samples of a slow channel are no lost readings."""
+    import pyarrow as pa
+
+    count = np.arange(400)
+    between = np.where(count % 4 == 0, 1.0 * count, np.nan)
+    names = ["q", "r", "s"]
+    sensors = [A, *(Sensor(n, "suspension_deflection", "mm", axle=i) for i, n in enumerate(names))]
+    rows = "".join(f"{0.005 * i:.3f};{i};{';'.join([str(i) if i % 4 == 0 else ''] * 3)}\n" for i in count)
+    text = InputFile(Path("log.csv"), ("time_s;a;q;r;s\n" + rows).encode())
+    stream = io.BytesIO()
+    parquet(pa.table({"time_s": 0.005 * count, "a": 1.0 * count, **dict.fromkeys(names, between)}), stream)
+    for file in (text, InputFile(Path("log.parquet"), stream.getvalue())):
+        said = [m for m in read_log(file, "log", sensors, 0.005).messages if "different rates" not in m]
+        assert said == [
+            "log: 'q', 'r' and 's' have a reading in 100 of 400 rows, evenly spread; they are taken as sampled in "
+            "these rows only."
+        ]
 
 
 @pytest.mark.parametrize("every", [2, 10])
@@ -398,3 +425,21 @@ def test_clocks_of_text_in_a_sheet() -> None:
     log = read_log(data, "log.xlsx", (Q, Sensor("a", "axle_acceleration", "g", axle=0)), 0.005)
     np.testing.assert_allclose(log.channels[0].time_s, 0.005 * np.arange(100), atol=1e-6)
     assert log.start_time_s == pytest.approx(36_358.0)
+
+
+def with_lost_row(step_s: float, resolution_s: float, lost: int | None = None, rows: int = 400) -> str:
+    """Rows every `step_s` with stamps that are cut to a resolution, without one of them."""
+    at = [i for i in range(rows) if i != lost]
+    return "time_s;q;a\n" + "".join(
+        f"{np.floor(i * step_s / resolution_s + 1e-9) * resolution_s:.3f};{i};{i}\n" for i in at
+    )
+
+
+def test_a_row_lost_between_repeated_stamps_is_no_other_rate() -> None:
+    """The rate by count is 0.37 % low, k would be 0.7 %; the declared interval explains these stamps as well."""
+    log = read(with_lost_row(0.005, 0.02, lost=201))
+    np.testing.assert_allclose(np.diff(log.channels[0].time_s), 0.005, rtol=1e-9)
+    # No row is lost: the rate of a logger 0.3 % slow stays, if it moves the stamps by more than their digits.
+    for step in (0.005, 0.005 * 1.003):
+        found = np.diff(read(with_lost_row(step, 0.02, rows=4000)).channels[0].time_s)
+        np.testing.assert_allclose(found, step, rtol=2e-4)

@@ -10,7 +10,7 @@ import numpy as np
 from sysid import limits
 from sysid.errors import DataRejectedError
 from sysid.logs.channels import Clock
-from sysid.logs.stamps import HICCUPS, spread
+from sysid.logs.stamps import HICCUPS, as_known, spread
 
 BAD_STAMP_SHARE = HICCUPS  # up to this share of repeated or empty stamps is a hiccup of the logger
 SAME_STEP = 1e-3  # rounding of the printed stamps
@@ -57,7 +57,7 @@ def clean_clocks(
     # A channel may be far slower or faster than the declared one beside it.
     nearest = min(judged, key=lambda key: abs(np.log(steps[key] / declared_s)))
     _refuse_unit(found[nearest][0], steps[nearest], declared_s, label, clocks[nearest].name)
-    if clocks[nearest].counted and abs(steps[nearest] / declared_s - 1.0) >= _AGREES:
+    if clocks[nearest].written is not None and abs(steps[nearest] / declared_s - 1.0) >= _AGREES:
         raise DataRejectedError(
             f"{label}: several rows share each time stamp in column '{clocks[nearest].name}'; by their count the rows "
             f"are {steps[nearest]:.4g} s apart, acquisition.sample_interval_s says {declared_s:g} s; correct it, or "
@@ -69,7 +69,7 @@ def clean_clocks(
         _check_span(stamps, rows, step, label, clock)
         if abs(step / declared_s - 1.0) < SAME_STEP:
             step = declared_s
-        elif key in judged and abs(step / declared_s - 1.0) >= _AGREES:
+        elif key == nearest and abs(step / declared_s - 1.0) >= _AGREES:
             messages.append(
                 f"{label}: the time stamps are {step:.4g} s apart, acquisition.sample_interval_s says {declared_s:g} "
                 "s; the stamps are used."
@@ -147,6 +147,10 @@ def _clean_stamps(clock: Clock, label: str, declared_s: float, messages: list[st
             f"row {rows[repeated[0]] + first_row}) {'were' if repeated.size > 1 else 'was'} left out."
         )
         rows = np.delete(rows, repeated)
+    elif clock.written is not None:
+        known = as_known(clock.written[rows], rows, declared_s)
+        if known is not None:
+            return known, rows
     return stamps[rows], rows
 
 
