@@ -16,16 +16,14 @@ import numpy as np
 from scipy.optimize import brentq
 
 from sysid.road.road_profile import RoadProfile
+from sysid.threads import side_by_side
 
 #: Exponent of a single spoke; on a flat road the force grows with about deflection^(SPOKE_EXPONENT + 1/2), and 1.2 is
 #: the prior median of the tires' load law.
 SPOKE_EXPONENT = 0.7
 
-#: Spokes, and how far they reach from the vertical: at 60 degrees a spoke ends half a radius above the road, higher
-#: than a bump.
-_SPOKES = 161
+#: How far spokes reach from the vertical: at 60 degrees a spoke ends half a radius above the road, higher than a bump.
 _HALF_ANGLE_RAD = np.deg2rad(60.0)
-_ANGLE_RAD = np.linspace(-_HALF_ANGLE_RAD, _HALF_ANGLE_RAD, _SPOKES)
 #: Deflections of the tables.
 _LEVELS = 48
 #: Largest deflection over the radius to which footprint maps are fitted, and that of the tables, which reach beyond it.
@@ -35,9 +33,10 @@ _DEEPEST_PER_RADIUS = 0.24
 _MAP_LEVELS, _MAP_LOAD_RATIO = 24, 6.0
 #: Distance of the stations of tables and maps; a footprint is some twenty times as long.
 MAP_STEP_M = 0.01
-#: Steps by which the road is found along a spoke, in all to 1e-7 m.
-_OUTWARDS, _HALVINGS, _STEPS = 11, 8, 11
-#: Profiles up to so many stations have their spoke geometry and their footprint maps kept.
+#: Distance of the points of the road between which the compression is linear, and stations that are taken together.
+_ROAD_STEP_M = 0.002
+_TOGETHER = 128
+#: Profiles up to so many stations have their footprint maps kept.
 _KEPT_STATIONS = 1000
 
 
@@ -78,23 +77,28 @@ def spoke_table(profile: RoadProfile, radius_m: float, *, exponent: float = SPOK
 @lru_cache(maxsize=64)
 def _known_table(stations: bytes, heights: bytes, start_m: float, radius_m: float, exponent: float) -> SpokeTable:
     """The table of one profile, made once, because every stage needs it again."""
-    # Long roads are met once or twice, and take a gigabyte per hundred metres.
-    shape_of = _known_shape if len(stations) <= _KEPT_STATIONS * 8 else _known_shape.__wrapped__
-    shape = shape_of(stations, heights, start_m, radius_m)
-    force, forward = _spoke_sums(shape.compression_m, exponent)
-    flat, _ = _spoke_sums(shape.flat_compression_m, exponent)
-    return SpokeTable(radius_m, shape.station_m, shape.contact_height_m, shape.deflection_m, force, forward, flat[0])
+    road_s, road_z = np.frombuffer(stations) - start_m, np.frombuffer(heights)
+    station = map_stations(road_s, radius_m * np.sin(_HALF_ANGLE_RAD))
+    deflection = _DEEPEST_PER_RADIUS * radius_m * np.linspace(0.0, 1.0, _LEVELS) ** 1.5
+    flat, _ = _spoke_forces(np.zeros(1), (radius_m - deflection)[None, :], radius_m, road_s, 0.0 * road_z, exponent)
+
+    def part(first: int) -> tuple[np.ndarray, ...]:
+        some = station[first : first + _TOGETHER]
+        contact = _first_contact(some, radius_m, road_s, road_z)
+        height = contact[:, None] - deflection
+        return contact, *_spoke_forces(some, height, radius_m, road_s, road_z, exponent)
+
+    parts = side_by_side(part, range(0, station.size, _TOGETHER))
+    contact, force, forward = (np.concatenate(of_parts) for of_parts in zip(*parts, strict=True))
+    return SpokeTable(radius_m, station, contact, deflection, force, forward, flat[0])
 
 
-@dataclass(frozen=True)
-class _SpokeShape:
-    """Compression (spokes, n, m) of every spoke over the bump, and (spokes, 1, m) on a flat road."""
-
-    station_m: np.ndarray
-    contact_height_m: np.ndarray
-    deflection_m: np.ndarray
-    compression_m: np.ndarray
-    flat_compression_m: np.ndarray
+def _first_contact(station: np.ndarray, radius: float, road_s: np.ndarray, road_z: np.ndarray) -> np.ndarray:
+    """Heights (n,) [m] of the wheel's centre at which the first spoke touches the road, R where it is flat."""
+    reach = radius * np.sin(_HALF_ANGLE_RAD)
+    away = np.arange(-np.floor(reach / _ROAD_STEP_M), reach / _ROAD_STEP_M) * _ROAD_STEP_M
+    road = np.interp(station[:, None] + away, road_s, road_z, left=0.0, right=0.0)
+    return np.asarray(np.maximum((road + np.sqrt(radius**2 - away**2)).max(axis=1), radius))
 
 
 def map_stations(road_m: np.ndarray, reach_m: float) -> np.ndarray:
@@ -103,68 +107,50 @@ def map_stations(road_m: np.ndarray, reach_m: float) -> np.ndarray:
     return np.arange(np.floor(first / MAP_STEP_M), np.ceil(last / MAP_STEP_M) + 1) * MAP_STEP_M
 
 
-# Geometry takes nearly all of the time and is the same for every exponent.
-@lru_cache(maxsize=12)
-def _known_shape(stations: bytes, heights: bytes, start_m: float, radius_m: float) -> _SpokeShape:
-    station_m, height_m = np.frombuffer(stations), np.frombuffer(heights)
-    reach = radius_m * np.sin(_HALF_ANGLE_RAD)
-    station = map_stations(station_m - start_m, reach)
-    deflection = _DEEPEST_PER_RADIUS * radius_m * np.linspace(0.0, 1.0, _LEVELS) ** 1.5
-    road_s, road_z = station_m - start_m, height_m
+def _spoke_forces(
+    station: np.ndarray, height: np.ndarray, radius: float, road_s: np.ndarray, road_z: np.ndarray, exponent: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Vertical and forward force of unit spokes of wheels with their centres at stations (n,) and heights (n, m) [m].
 
-    tread = np.interp(station[:, None] + radius_m * np.sin(_ANGLE_RAD), road_s, road_z, left=0.0, right=0.0)
-    contact = np.maximum((tread + radius_m * np.cos(_ANGLE_RAD)).max(axis=1), radius_m)
-    height = contact[:, None] - deflection[None, :]
-    flat_height = (radius_m - deflection)[None, :]
-    return _SpokeShape(
-        station,
-        contact,
-        deflection,
-        _compression(station, height, radius_m, road_s, road_z),
-        _compression(np.zeros(1), flat_height, radius_m, road_s, 0.0 * road_z),
-    )
-
-
-def _compression(
-    station: np.ndarray, height: np.ndarray, radius: float, road_s: np.ndarray, road_z: np.ndarray
-) -> np.ndarray:
-    """Compression (spokes, stations, levels) of all spokes for given centre heights (stations, levels)."""
-    compressions = np.zeros((_SPOKES, *height.shape))
-    # A spoke begins above the road at the hub.  Where along it, outwards, it may be found below.
-    along = radius * np.append(1.0 - 0.5 ** np.arange(_OUTWARDS), 1.0)
-    for compression, phi in zip(compressions, _ANGLE_RAD, strict=True):
-        sin, cos = np.sin(phi), np.cos(phi)
-        road = np.interp(station[:, None] + along * sin, road_s, road_z, left=0.0, right=0.0) + along * cos
-        first = np.zeros(height.shape, int)
-        for k in range(_OUTWARDS, 0, -1):
-            first[height < road[:, k, None]] = k
-        touching = first > 0
-        rows, outer = touching.nonzero()[0], first[touching]
-        centre, above = station[rows], height[touching]
-        low, clear = along[outer - 1], above - road[rows, outer - 1]
-        high, below = along[outer], above - road[rows, outer]
-        for step in range(_STEPS):
-            # Halves until hardly a knot is left in between, then chords among them: exact on a straight piece of road.
-            share = 0.5 if step < _HALVINGS or step % 2 else clear / (clear - below)
-            middle = low + share * (high - low)
-            gap = above - middle * cos - np.interp(centre + middle * sin, road_s, road_z, left=0.0, right=0.0)
-            inside = gap < 0.0
-            high, below = np.where(inside, middle, high), np.where(inside, gap, below)
-            low, clear = np.where(inside, low, middle), np.where(inside, clear, gap)
-        shorter = radius - (low + clear / (clear - below) * (high - low))
-        compression[touching] = np.where(shorter < 1e-6 * radius, 0.0, shorter)
-    return compressions
-
-
-def _spoke_sums(compression: np.ndarray, exponent: float) -> tuple[np.ndarray, np.ndarray]:
-    """Vertical and forward force (stations, levels) of spokes that are compressed by (spokes, stations, levels)."""
-    force = np.zeros_like(compression)
-    np.power(compression, exponent, out=force, where=compression > 0.0)
-    spacing = _ANGLE_RAD[1] - _ANGLE_RAD[0]
-    return (
-        spacing * np.tensordot(np.cos(_ANGLE_RAD), force, axes=1),
-        -spacing * np.tensordot(np.sin(_ANGLE_RAD), force, axes=1),
-    )
+    The sums over the spokes are integrals over the road that they meet: from point to point of the road the compression
+    is linear in the angle, so that the ends of the contact and edges fall on no spoke and between none.  Outwards from
+    below the centre a spoke ends where its angle is first reached: road behind that is hidden.
+    """
+    along = _ROAD_STEP_M * np.arange(np.ceil(radius * np.sin(_HALF_ANGLE_RAD) / _ROAD_STEP_M) + 1)
+    vertical, forward = np.zeros(height.shape), np.zeros(height.shape)
+    for side in (1.0, -1.0):
+        road = np.interp(station[:, None] + side * along, road_s, road_z, left=0.0, right=0.0)
+        for level in range(height.shape[1]):
+            above = height[:, level, None] - road
+            shorter = radius - np.sqrt(above**2 + along**2)
+            reached = np.flatnonzero((shorter > 0.0).any(axis=0))
+            if reached.size == 0:
+                continue
+            used = slice(0, reached[-1] + 2)
+            above, shorter = above[:, used], shorter[:, used]
+            angle = np.arctan2(along[used], above)
+            seen = np.maximum.accumulate(angle, axis=1)
+            width = np.diff(seen, axis=1)
+            energy = np.maximum(shorter, 0.0)
+            energy **= exponent + 1.0
+            first, last = shorter[:, :-1], shorter[:, 1:]
+            work = np.diff(energy, axis=1)
+            # Road that comes into sight behind an edge begins between two points.
+            row, at = np.nonzero((seen[:, :-1] > angle[:, :-1]) & (width > 0.0))
+            if row.size:
+                share = (seen[row, at] - angle[row, at]) / (angle[row, at + 1] - angle[row, at])
+                first = first.copy()
+                first[row, at] += share * (last[row, at] - first[row, at])
+                work[row, at] = energy[row, at + 1] - np.maximum(first[row, at], 0.0) ** (exponent + 1.0)
+            change = last - first
+            same = np.abs(change) < 1e-9
+            mean = work / (exponent + 1.0) / np.where(same, 1.0, change)
+            mean[same] = np.maximum(last[same], 0.0) ** exponent
+            mean *= width
+            middle = 0.5 * (seen[:, 1:] + seen[:, :-1])
+            vertical[:, level] += (mean * np.cos(middle)).sum(axis=1)
+            forward[:, level] -= side * (mean * np.sin(middle)).sum(axis=1)
+    return vertical, forward
 
 
 def static_deflection(table: SpokeTable, load_N: float, stiffness_N_per_m: float) -> float:
@@ -301,7 +287,7 @@ def _known_map(table: SpokeTable, load_N: float, reference_load_N: float, stiffn
     weight = np.ones(_MAP_LEVELS)
     coefficients = _fit_rows(basis / scale, extra, weight) / scale
     misfit = float(np.abs((basis * coefficients[:, None, :]).sum(axis=-1) - extra).max())
-    # Between two spokes a peak of a rough road touches none at first.
+    # A peak of a rough road between two points is not touched at first.
     force, forward = table.force[:, 1:], table.forward_force[:, 1:]
     slope = np.divide(forward, force, out=np.zeros_like(force), where=force > 0.0)
     ratio = _at_levels(deflection, table.deflection_m[1:], slope)
