@@ -54,7 +54,7 @@ class TextTable:
 
 @dataclass(frozen=True)
 class CommandHint:
-    """A sentence that ends with a command to type."""
+    """A sentence, and the words of a command to type on the same campaign."""
 
     text: str
-    command: str
+    command: tuple[str, ...]

@@ -51,6 +51,7 @@ LEVELS = (
     {"workflow"},
     {"fleet"},
     {"cli"},
+    {"__main__"},
 )
 LEVEL = {name: number for number, names in enumerate(LEVELS) for name in names}
 
@@ -62,6 +63,7 @@ ROOMS = {
 #: Files of such a package outside its rooms.
 NO_ROOM = {
     "campaign": {
+        "declared",
         "factors",
         "findings",
         "gaps",
@@ -180,6 +182,7 @@ SHOWN = {
     "numbers",
     "results.contents",
     "results.judgement",
+    "results.headline",
     "results.pass_limits",
     "sdof.drop_results",
     "validation.channel_agreement",

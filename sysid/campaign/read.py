@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 from sysid import limits
 from sysid.campaign.clocks.common import on_common_clock
+from sysid.campaign.declared import read_declared
 from sysid.campaign.inputs import paths
 from sysid.campaign.inputs.bumps import PointCloudReader, ProfileReader, read_bumps
 from sysid.campaign.inputs.named_files import NamedFiles
 from sysid.campaign.inputs.run_logs import RunLogs, log_writing
 from sysid.campaign.loggers import ClockFinding
-from sysid.campaign.mass_sums import check_masses
 from sysid.campaign.passage.logged_speed import speed_at_bump
 from sysid.campaign.priors import NamedPrior
 from sysid.campaign.records import (
@@ -31,8 +31,6 @@ from sysid.campaign.records import (
     Sensor,
 )
 from sysid.campaign.requests import check_passes
-from sysid.campaign.toml.stand_ins import with_stand_ins
-from sysid.campaign.toml.todo import refuse_todos
 from sysid.campaign.units import speed_m_s
 from sysid.errors import CampaignError
 from sysid.wording import shorten
@@ -78,24 +76,8 @@ def read_campaign(
     DataRejectedError
         If a log or scan cannot be read, or the clock of a logger is outside of its declared bounds.
     """
-    # pydantic takes a third of a second to import; those who only need the records do not pay for it.
-    from sysid.campaign.toml.errors import parse_toml, validate
-    from sysid.campaign.toml.vehicle_tables import VehicleReader
-
-    content = paths.campaign_file(path)
-    file = content.path
-    parsed = parse_toml(content.data, file.name)
-    unknown: frozenset[str] = frozenset()
-    if unfinished:
-        parsed, unknown = with_stand_ins(parsed, file.name)
-    else:
-        refuse_todos(parsed, file.name)
-    tables = validate(parsed, file.name)
-    vehicle = VehicleReader(tables, file.name)
-    try:
-        check_masses(vehicle.vehicle, {n: c for n, c in vehicle.load_cases.items() if n not in unknown})
-    except CampaignError as error:
-        raise CampaignError(f"{file.name}: {error}") from None
+    declared = read_declared(path, unfinished=unfinished)
+    content, file, tables, vehicle = declared.content, declared.file, declared.tables, declared.vehicle
     files = NamedFiles(file, tables.acquisition.sample_interval_s, {file.name: content.sha256}, planned)
     reader = _TestReader(file, tables, vehicle, files)
     scans = read_bumps(tables.scan, files, point_cloud_reader, profile_reader)

@@ -20,8 +20,8 @@ from sysid.cli import output_option
 from sysid.cli.calibration_options import calibration_options
 from sysid.cli.fleet_tables import MOST_ROWS, population_blocks, recalibration_blocks, status_blocks
 from sysid.cli.guarded import guarded
-from sysid.cli.invocation import program
-from sysid.cli.tables import render
+from sysid.cli.invocation import command_line
+from sysid.cli.tables import render, show_command
 from sysid.errors import CampaignError, NotConvergedError
 from sysid.files import write_text
 from sysid.folder_lock import writing_to
@@ -215,7 +215,8 @@ def init(screen: Console, errors: Console, folder: Path, force: bool) -> int:
     target, said = _write_fleet_file(folder, force)
     for message in said:
         errors.print(message, markup=False)
-    screen.print(f"{target}\nLook at trucks, types and dates in it, then: {program()} fleet {folder}", markup=False)
+    screen.print(str(target), markup=False, soft_wrap=True)
+    show_command(screen, "Look at trucks, types and dates in it, then", command_line("fleet", folder))
     return 0
 
 

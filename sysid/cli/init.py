@@ -10,9 +10,9 @@ from rich.console import Console
 from sysid.campaign.toml.errors import parse_toml
 from sysid.campaign.toml.todo import find_doubts, find_todos
 from sysid.cli.guarded import guarded
-from sysid.cli.invocation import program
+from sysid.cli.invocation import command_line
 from sysid.cli.progress import StageProgress
-from sysid.cli.tables import render
+from sysid.cli.tables import render, show_command
 from sysid.display import TextTable
 from sysid.errors import CampaignError, OutputError
 from sysid.files import write_text
@@ -81,7 +81,7 @@ def _show(screen: Console, look: FirstLook, target: Path, text: str) -> None:
         f"{len(todos)} values to fill in, {len(doubts)} guesses to confirm; its comments say which.",
         markup=False,
     )
-    screen.print(f"Next: {program()} check {target}", markup=False)
+    show_command(screen, "Next", command_line("check", target))
 
 
 def _columns(look: FirstLook) -> TextTable:
@@ -92,20 +92,15 @@ def _columns(look: FirstLook) -> TextTable:
             axle = str(s.axle + 1) if s.axle is not None else "of the drop" if of_drop else "?"
             axle = "-" if s.unused is not None or s.kind in ("speed", "pitch_rate") else axle
             kind, unit = ("unused", "-") if s.unused is not None else (s.kind or "?", s.unit or "?")
-            guess = "to confirm" if not s.sure else s.unused or "by name and behaviour"
+            guess = "to confirm" if not s.sure else s.unused or ""
             table.add_row(shorten(s.column, 60), tests, kind, unit, axle, shorten(guess, 40))
     return table
 
 
 def _files(look: FirstLook) -> TextTable:
     kinds = {entry.file: entry for entry in look.tests}
-    sensors = (*look.run_sensors, *look.drop_sensors)
-    units_of = {s.column: s.unit for s in sensors if s.unit is not None}
-    unused = {s.column for s in sensors if s.unused is not None}
-    table = TextTable("Files", ("file", "what", "columns", "Hz", "length s", "units", "taken for"))
+    table = TextTable("Files", ("file", "Hz", "length s", "taken for"))
     for log in look.logs[:_ROWS]:
-        of_file = {x.unit for x in log.looks if x.unit and x.name not in unused}
-        units = sorted({units_of[c] for c in log.columns if c in units_of} | of_file)
         entry = kinds.get(log.file)
         if entry is None:
             of_run = any(log.file in files.values() for files in look.files.values())
@@ -114,18 +109,15 @@ def _files(look: FirstLook) -> TextTable:
             taken_for = _taken_for(entry)
         table.add_row(
             shorten(log.file, 60),
-            log.title.removeprefix("a ").removeprefix("an "),
-            str(len(log.looks)),
             f"{log.rate_hz:.4g}",
             f"{log.duration_s:.3g}",
-            shorten(" ".join(units), 20) or "-",
-            shorten(taken_for, 40),
+            taken_for,
         )
     for scan in look.scans[:_ROWS]:
         size = f"{scan.extent[0]:.3g} x {scan.extent[1]:.3g}"
         name = shorten(scan.file, 60)
         count, kind = (f"{scan.points} heights", "profile") if scan.levelled else (f"{scan.points} points", "scan")
-        table.add_row(name, scan.title.removeprefix("a "), count, "-", size, scan.unit, kind)
+        table.add_row(name, "-", f"{size} {scan.unit}", f"{kind}, {count}")
     return table
 
 

@@ -5,19 +5,67 @@ from __future__ import annotations
 import logging
 import os
 import shlex
+import shutil
 import subprocess
+import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import click
 from click.core import ParameterSource
 from rich.console import Console
 
+#: Name of the program when it runs as a module.
+MODULE = "python -m sysid"
+
 
 def program() -> str:
-    """What a user types before the name of a stage: ``python calibrate.py``, or the installed command."""
+    """What a user types before the name of a stage, as a shell takes it: ``python calibrate.py``, or ``sysid``."""
+    return quoted(_program_words())
+
+
+def quoted(words: Sequence[str]) -> str:
+    """Words as a command that a shell takes apart again into the same words."""
+    return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
+
+
+def command_line(*words: object) -> str:
+    """A command of this program that can be pasted: `words` follow the program as it was called."""
+    return quoted([*_program_words(), *map(str, words)])
+
+
+def next_command(*words: str) -> str:
+    """A further command on the campaign and the output folder of the running one, with the options that it keeps.
+
+    The campaign, the folder and the options of the calibration stand as they were typed, `--quick` is left out.
+    """
+    context = click.get_current_context(silent=True)
+    typed = [] if context is None or context.parent is None else _typed_words(context, _CARRIED)
+    return command_line(words[0], *typed, *words[1:])
+
+
+#: Parameters of a command that the next one on the same campaign needs again.
+_CARRIED = ("campaign", "output", "seed", "max_steps", "laws", "contact", "contact_spread")
+
+
+def _program_words() -> list[str]:
     name = name_of_program()
-    return f"python {name}" if name.endswith(".py") else name
+    if name == MODULE:
+        return [_interpreter(), "-m", "sysid"]
+    if not name.endswith(".py"):
+        return [name]
+    typed = sys.argv[0] if Path(sys.argv[0]).name == name else name
+    return [_interpreter(), typed]
+
+
+def _interpreter() -> str:
+    """``python`` where that is the interpreter that runs, else its path, from here if it lies below."""
+    found = shutil.which("python")
+    if found is None or os.path.dirname(os.path.abspath(found)) != os.path.dirname(os.path.abspath(sys.executable)):
+        near = os.path.relpath(sys.executable) if Path(sys.executable).is_relative_to(Path.cwd()) else sys.executable
+        return near or "python"
+    return "python"
 
 
 def name_of_program() -> str:
@@ -34,11 +82,11 @@ def tell(errors: Console, name: str, text: str) -> None:
 def same_command(*more: str) -> str:
     """The running command as it was typed, with further options; only the program outside a command."""
     context = click.get_current_context(silent=True)
-    words = program().split()
+    words = _program_words()
     if context is not None and context.parent is not None:
         words += [str(context.info_name), *_typed_words(context)]
     words += [option for option in more if option not in words]
-    return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
+    return quoted(words)
 
 
 class _Sentences(logging.Handler):
@@ -66,10 +114,13 @@ def configured(say: Callable[[str], None]) -> None:
         say(str(warning.message))
 
 
-def _typed_words(context: click.Context) -> list[str]:
+def _typed_words(context: click.Context, names: Sequence[str] | None = None) -> list[str]:
+    """Arguments and options as they were typed, only those of `names` if these are given."""
     words: list[str] = []
     for parameter in context.command.params:
         name = str(parameter.name)
+        if names is not None and name not in names:
+            continue
         if context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
             continue
         value = context.params[name]

@@ -16,6 +16,7 @@ import click
 from sysid.cli import output_option
 from sysid.cli.calibration_options import calibration_options, decorated
 from sysid.cli.fleet import fleet
+from sysid.cli.invocation import MODULE
 from sysid.runtime import own_process
 from sysid.workflow.stage import Option
 from sysid.workflow.stages import RECORDS
@@ -41,6 +42,8 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
                      type=output_option.folder),
         calibration_options,
         click.option("--resume", is_flag=True, help="Continue an interrupted run from what is in the output folder."),
+        click.option("--json", "as_json", is_flag=True,
+                     help="Print the results as the text of result.json instead of tables, for other programs."),
     )  # fmt: skip
 
 
@@ -99,6 +102,8 @@ def _add(name: str, text: str, options: Sequence[Option] = ()) -> None:
 
     for option in reversed(options):
         command = _click_option(option)(command)
+    if name in ("run", "report"):
+        command = click.option("--open", "opens", is_flag=True, help="Open the report in the browser.")(command)
     cli.command(name, help=text)(_options(command))
 
 
@@ -158,7 +163,8 @@ def formats(files: tuple[Path, ...]) -> None:
 def main() -> None:
     """Run the command line."""
     own_process()
-    cli(prog_name=Path(sys.argv[0]).name if sys.argv else "sysid")
+    name = Path(sys.argv[0]).name if sys.argv else "sysid"
+    cli(prog_name=MODULE if name == "__main__.py" else name)
 
 
 if __name__ == "__main__":

@@ -12,24 +12,29 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import click
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
-from sysid.cli.invocation import configured, same_command, tell
+from sysid.cli.invocation import command_line, configured, same_command, tell
 from sysid.cli.progress import StageProgress
-from sysid.cli.tables import render, show_run
-from sysid.errors import NotConvergedError, OutputError, StoredResultsError, SysidError
+from sysid.cli.tables import render
+from sysid.display import CommandHint
+from sysid.errors import CampaignError, NotConvergedError, OutputError, StoredResultsError, SysidError
 from sysid.files import write_text
 from sysid.folder_lock import cannot_write
 from sysid.wording import plain_text, shorten
-from sysid.workflow.stage import Command, Ending, Stage, Whole
+from sysid.workflow.stage import Blocks, Command, Ending, Stage, Whole
 from sysid.workflow.stages import EXPORT, RECORDS
 
 if TYPE_CHECKING:
+    from sysid.results.contents import Results
     from sysid.workflow import Calibration
 
 #: Exit code after Ctrl-C, as shells give it: 128 and the number of the signal.
 INTERRUPTED = 130
+#: Name of the report in the output folder.
+REPORT_FILE = "report.html"
 #: Errors of the system that say no more than that nothing can be written here.
 _NO_WRITING = (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT)
 
@@ -108,11 +113,80 @@ def _keep_traceback(output: Path) -> str:
 def _run(
     name: str, campaign: Path, output: Path, screen: Console, errors: Console, resume: bool, choices: dict[str, Any]
 ) -> int:
+    as_json, opens = choices.pop("as_json", False), choices.pop("opens", False)
+    check_campaign(campaign)
+    with StageProgress(errors) as progress:
+        progress.stage("reading campaign and logs")
+        calibration, outcome = _compute(name, campaign, output, errors, progress, resume, choices)
+        with _stored_results_doubted(calibration, output):
+            results = calibration.results()
+            shown = () if as_json else tuple(_blocks(name, outcome, results, output))
+    if as_json:
+        from sysid.export.result_json import result_text
+
+        # Not by the console, which would fold long lines.
+        click.echo(result_text(results), nl=False)
+    render(screen, shown)
+    for path in () if as_json else outcome.written:
+        screen.print(str(path), markup=False, soft_wrap=True)
+    if opens:
+        import webbrowser
+
+        webbrowser.open((output / REPORT_FILE).resolve().as_uri())
+    return _exit_code(outcome, calibration.settings.quick)
+
+
+def _blocks(name: str, outcome: _Outcome, results: Results, output: Path) -> Blocks:
+    """What a command shows, and the command that comes next."""
+    record = _record(name)
+    if record is None:
+        from sysid.cli.answer import show_run
+
+        yield from show_run(results, output / REPORT_FILE)
+        return
+    command = _command(record)
+    yield from command.show(outcome.result, results)
+    if command.next:
+        yield CommandHint("Next", command.next)
+
+
+def _record(name: str) -> Stage[Any] | Ending | None:
+    """The record of a command; None for the whole run."""
+    return next((r for r in RECORDS if r.name == name), None)
+
+
+def check_campaign(campaign: Path) -> None:
+    """Find what is wrong with a campaign file before anything heavy is loaded, and offer `init` where there is none.
+
+    Raises
+    ------
+    CampaignError
+        If it is missing or wrong.
+    """
+    from sysid.campaign.declared import check_declared
+
+    if campaign.is_dir() and not any(p.suffix == ".toml" for p in campaign.iterdir()):
+        raise CampaignError(
+            f"{shorten(campaign, 100)} holds no campaign.toml; write one from the logs in it: "
+            f"{command_line('init', campaign)}"
+        )
+    check_declared(campaign)
+
+
+def _compute(
+    name: str,
+    campaign: Path,
+    output: Path,
+    errors: Console,
+    progress: StageProgress,
+    resume: bool,
+    choices: dict[str, Any],
+) -> tuple[Calibration, _Outcome]:
     from sysid.workflow import KEPT_CHOICES, Calibration, make_settings, recall
 
     notice = partial(tell, errors, name)
     configured(notice)
-    record = next((r for r in RECORDS if r.name == name), None)
+    record = _record(name)
     options = () if record is None or record.command is None else record.command.options
     typed = {option.name: choices.pop(option.name, None) for option in options}
     typed = {option.name: typed[option.name] for option in options if option.given(typed)}
@@ -121,23 +195,10 @@ def _run(
     if _takes_stored_options(record, typed) and not chosen:
         # Without options these take those of the run that filled the folder.
         choices |= recall(output)
-    with StageProgress(errors) as progress:
-        calibration = Calibration(
-            campaign, output, make_settings(**choices), progress.update, resume=resume, notice=notice
-        )
-        progress.stage(name)
-        with _stored_results_doubted(calibration, output):
-            outcome = _computed(record, calibration, typed, resume, notice)
+    calibration = Calibration(campaign, output, make_settings(**choices), progress.update, resume=resume, notice=notice)
+    progress.stage(name)
     with _stored_results_doubted(calibration, output):
-        blocks = (
-            show_run(outcome.result, calibration)
-            if record is None
-            else _command(record).show(outcome.result, calibration.results())
-        )
-        render(screen, blocks)
-    for path in outcome.written:
-        screen.print(str(path), markup=False)
-    return _exit_code(outcome, calibration.settings.quick)
+        return calibration, _computed(record, calibration, typed, resume, notice)
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,12 @@ from typing import Any
 from rich.console import Console
 
 from sysid.campaign.inputs.paths import campaign_file
-from sysid.campaign.quality.check import check_quality
-from sysid.campaign.read import read_campaign
 from sysid.campaign.toml.todo import Doubt, Todo, find_doubts, find_todos
 from sysid.cli.guarded import guarded
-from sysid.cli.invocation import program, tell
+from sysid.cli.invocation import next_command, tell
 from sysid.cli.stages import console, run_stage
-from sysid.cli.tables import render
+from sysid.cli.tables import render, show_command
 from sysid.errors import CampaignError, SysidError
-from sysid.workflow.stages.data import quality_blocks
 
 
 def run_check(campaign: Path, output: Path, **choices: Any) -> int:
@@ -46,6 +43,10 @@ def _todos_and_doubts(campaign: Path) -> tuple[tuple[Todo, ...], tuple[Doubt, ..
 def _check_logs(
     campaign: Path, todos: tuple[Todo, ...], doubts: tuple[Doubt, ...], screen: Console, errors: Console
 ) -> int:
+    from sysid.campaign.quality.check import check_quality
+    from sysid.campaign.read import read_campaign
+    from sysid.workflow.stages.data import quality_blocks
+
     say = partial(tell, errors, "check")
     code = CampaignError.exit_code
     try:
@@ -56,11 +57,8 @@ def _check_logs(
         say(f"the rest cannot be checked yet: {error}")
     render(screen, ["To fill in:", *(f"  {todo.where}: {todo.what}" for todo in todos), *_doubts(doubts)])
     values = "1 value" if len(todos) == 1 else f"{len(todos)} values"
-    screen.print(
-        f"{values} to fill in; the logs were checked with what is there, and nothing was written. Fill them in, then: "
-        f"{program()} check {campaign}",
-        markup=False,
-    )
+    told = f"{values} to fill in; the logs were checked with what is there, and nothing was written. Fill them in, then"
+    show_command(screen, told, next_command("check"))
     return code
 
 

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.display import NOT_DETERMINED
-from sysid.estimates.suspension_values import AxleEstimates, Estimate
+from sysid.estimates.suspension_values import Estimate
 from sysid.numbers import MISSING, decimals, fixed, interval, listing
 from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.results import Results
+from sysid.results.headline import suspension_rows
 
 if TYPE_CHECKING:
     from sysid.campaign.vehicle_records import LoadCase
@@ -19,38 +20,17 @@ if TYPE_CHECKING:
 
 def answer_table(results: Results) -> Table | None:
     """k and c of every axle, the most informed value of each with its 90 % interval; None before any estimate."""
-    stiffness = results.suspension("stiffness")
-    damping = results.suspension("damping")
-    if not any(row.best for row in (*stiffness, *damping)):
+    of_axles = suspension_rows(results)
+    if not of_axles:
         return None
-    several = {row.axle for row in stiffness if sum(r.axle == row.axle for r in stiffness) > 1}
-    several |= {row.axle for row in damping if sum(r.axle == row.axle for r in damping) > 1}
-    rows: list[list[Cell]] = []
-    kinds: dict[str, None] = {}
-    for axle in sorted({row.axle for row in (*stiffness, *damping)}):
-        of_axle = [r for r in (*stiffness, *damping) if r.axle == axle]
-        cases = dict.fromkeys(r.load_case or r.drop_load_case for r in of_axle) if axle in several else {}
-        # A value that all load cases share has a row of its own only where there is no other.
-        for case in [c for c in cases if c is not None] or (None,):
-            pair = [_best(quantity, axle, case) for quantity in (stiffness, damping)]
-            if not any(pair):
-                continue
-            kinds |= dict.fromkeys(e.kind for e in pair if e)
-            rows.append([axle_name(results, axle, case), *(_cell(e) for e in pair)])
+    pairs = [(row.stiffness, row.damping) for row in of_axles]
+    kinds = dict.fromkeys(e.kind for pair in pairs for e in pair if e)
+    rows = [
+        [axle_name(results, row.axle, row.load_case), *(_cell(e) for e in pair)]
+        for row, pair in zip(of_axles, pairs, strict=True)
+    ]
     caption = f"Per axle, both sides together; brackets: {listing(list(kinds))}"
     return table(caption, ("axle", "k [kN/m]", "c [kN s/m]"), rows, classes="answer-table")
-
-
-def _best(rows: tuple[AxleEstimates, ...], axle: int, case: str | None) -> Estimate | None:
-    """The best estimate of an axle in a load case; one that is shared by all load cases counts in each."""
-    of_axle = [r for r in rows if r.axle == axle]
-    of_case = [r for r in of_axle if case is not None and case == (r.load_case or r.drop_load_case)]
-    shared = [r for r in of_axle if r.load_case is None]
-    for row in (*of_case, *shared, *(of_axle if case is None else ())):
-        best: Estimate | None = row.best
-        if best is not None:
-            return best
-    return None
 
 
 def _cell(e: Estimate | None) -> Cell:

@@ -10,16 +10,12 @@ from sysid.estimates.suspension_values import Quantity, distinct
 from sysid.numbers import count, interval, listing, number, percent, speed
 from sysid.results import pass_limits
 from sysid.results.contents import Judgement, Results, Trust
+from sysid.results.headline import answer_words
 from sysid.results.judgement import judge, relative_half_width, unidentified_values
 
 Tone = Literal["good", "caution", "stop"]
 
-_ANSWER: dict[Trust, tuple[Tone, str]] = {
-    "use": ("good", "Yes"),
-    "with_care": ("caution", "Yes, with care"),
-    "do_not_bet": ("stop", "Do not bet on them"),
-    "not_yet": ("stop", "Not yet"),
-}
+_TONE: dict[Trust, Tone] = {"use": "good", "with_care": "caution", "do_not_bet": "stop", "not_yet": "stop"}
 _QUANTITIES: tuple[tuple[Quantity, str, str], ...] = (
     ("stiffness", "Stiffness k", "kN/m"),
     ("damping", "Damping c", "kN\u00a0s/m"),
@@ -43,12 +39,11 @@ class Verdict:
 def verdict(results: Results) -> Verdict:
     """What the first screen says of the results of all stages that have run."""
     judgement = results.judgement or judge(results)
-    tone, answer = _ANSWER[judgement.trust]
     return Verdict(
-        tone=tone,
+        tone=_TONE[judgement.trust],
         badge=_badge(results),
         badge_tone=_badge_tone(results),
-        answer="Not for decisions" if results.status == "preview" else answer,
+        answer=answer_words(results, judgement),
         what=tuple(_what(results)),
         use=judgement.reasons,
         todo=tuple(_todo(results, judgement)),

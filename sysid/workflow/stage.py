@@ -108,7 +108,8 @@ class Command(Generic[T]):
 
     - `show` makes tables and sentences;
     - `recalls`: without options the command takes those of the run that filled the folder;
-    - `fault` is the error whose exit code the command ends with although the result is shown, None where all is well.
+    - `fault` is the error whose exit code the command ends with although the result is shown, None where all is well;
+    - `next` are the words of the command that usually comes next on the same campaign.
     """
 
     help: str
@@ -117,6 +118,7 @@ class Command(Generic[T]):
     recalls: bool = False
     fault: Callable[[T], type[SysidError] | None] = lambda result: None
     aside: Aside[T] | None = None
+    next: tuple[str, ...] = ()
 
 
 def _no_warnings(result: object, quick: bool) -> Sequence[str]:

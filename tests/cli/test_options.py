@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
+import sys
 from pathlib import Path
 from typing import get_args
 
@@ -111,7 +113,10 @@ def stopped(monkeypatch: pytest.MonkeyPatch, arguments: list[str], program: str 
 )
 def test_the_hint_after_ctrl_c_is_the_command_typed_and_resume(monkeypatch, arguments: list[str]) -> None:
     offered = stopped(monkeypatch, arguments)
-    assert offered[:3] == ["python", "calibrate.py", arguments[0]]
+    assert offered[1:3] == ["calibrate.py", arguments[0]]
+    # The interpreter that runs, under a name by which this shell finds it.
+    found = Path(shutil.which(offered[0]) or offered[0]).absolute()
+    assert (found.parent, found.stem[:6]) == (Path(sys.executable).absolute().parent, "python")
     # Typed again, the hint means the same.
     parsed = [
         cli.commands[arguments[0]].make_context(arguments[0], list(words)).params

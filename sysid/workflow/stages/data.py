@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from math import degrees, isfinite
 from typing import TYPE_CHECKING
@@ -56,35 +57,40 @@ def _check_fault(report: QualityReport) -> type[SysidError] | None:
 
 
 def show_check(report: QualityReport, results: Results) -> Blocks:
-    """One line per log for its good channels and one per other channel, the findings in words, and the sum."""
+    """One line per channel with a finding, the findings in words, and how many channels are good."""
     yield from quality_blocks(report)
     yield from _clock_blocks(report)
     yield from _speed_blocks(report)
-    yield "Every channel with its noise stands in the report."
+    yield "Every channel with its rate and noise stands in the report."
 
 
 def quality_blocks(report: QualityReport) -> Blocks:
     """The findings of :func:`show_check`."""
-    table = TextTable(
-        "Data quality", ("log", "channel", "Hz", "jitter ms", "missing", "clipped", "rest", "noise", "verdict")
-    )
-    good = Counter(f.file for f in report.channels if f.verdict == "good")
-    said: set[str] = set()
-    for f in report.channels:
-        if good[f.file] and f.file not in said:
-            said.add(f.file)
-            table.add_row(f.file, f"{good[f.file]} channels", f"{f.rate_hz:.1f}", *[""] * 5, "good")
-        if f.verdict != "good":
+    found = [f for f in report.channels if f.verdict != "good"]
+    if found:
+        table = TextTable(
+            "Channels with findings", ("log", "channel", "missing", "clipped", "rest", "noise", "verdict")
+        )
+        for f in found:
             table.add_row(*_finding_cells(f))
-    yield table
-    for f in report.channels:
-        yield from (f"{f.file}, {f.column}: {message}" for message in f.messages)
+        yield table
+    yield from _once(f"{f.file}, {f.column}: {m}" for f in found for m in f.messages)
     yield from report.messages
     verdicts = Counter(f.verdict for f in report.channels)
+    logs = len({f.file for f in report.channels})
     yield (
-        f"{len(report.channels)} channel records: {verdicts['good']} good, {verdicts['usable']} usable with findings, "
-        f"{verdicts['rejected']} rejected."
+        f"{len(report.channels)} channel records of {logs} logs: {verdicts['good']} good, {verdicts['usable']} usable "
+        f"with findings, {verdicts['rejected']} rejected."
     )
+
+
+def _once(sentences: Iterable[str]) -> Iterable[str]:
+    """The first of sentences that differ in names and numbers only, and how many more there are."""
+    alike: dict[str, list[str]] = {}
+    for sentence in sentences:
+        alike.setdefault(re.sub(r"\d[\d.]*", "0", sentence.partition(": ")[2]), []).append(sentence)
+    for first, *more in alike.values():
+        yield first + (f" {len(more)} more such {'channel' if len(more) == 1 else 'channels'}." if more else "")
 
 
 def _clock_blocks(report: QualityReport) -> Blocks:
@@ -137,8 +143,6 @@ def _finding_cells(f: ChannelFinding) -> tuple[str, ...]:
     return (
         f.file,
         f.column,
-        f"{f.rate_hz:.1f}",
-        f"{1e3 * f.jitter_s:.2f}",
         str(f.missing),
         str(f.clipped) if f.clip_level is None else f"{f.clipped} at {level(f.clip_level, '.3g')}",
         level(f.rest_level, ".2f"),
@@ -154,11 +158,12 @@ CHECK = Whole(
     put=lambda results, report: replace(results, quality=report),
     warnings=_check_warnings,
     in_run="always",
-    effort=1.0,
+    effort=2.0,
     command=Command(
         help="Quality of every log and channel: rate, gaps, clipping, wrong units, flipped signs.",
         show=show_check,
         fault=_check_fault,
+        next=("run",),
     ),
 )
 
@@ -225,6 +230,7 @@ DROPS = Whole(
     command=Command(
         help="Stiffness and damping of every axle from its plank drops, equations (1)-(3) and corrections.",
         show=show_drops,
+        next=("run",),
     ),
 )
 
@@ -252,5 +258,5 @@ SCAN = Whole(
     code=("road",),
     put=lambda results, scans: replace(results, scans=scans),
     in_run="always",
-    effort=3.0,
+    effort=1.0,
 )

@@ -35,7 +35,7 @@ def show_report(paths: Sequence[Path], results: Results) -> Blocks:
 REPORT = Ending(
     name="report",
     write=_report,
-    effort=10.0,
+    effort=25.0,
     # Agreement is computed with the results that the report is made from.
     helper=("sysid.validation.agreement", "sysid.report.paper_figures"),
     command=Command(help="Write report.html from the stages that have run.", show=show_report, recalls=True),

@@ -128,7 +128,7 @@ def shown_determined(identifiability: Identifiability | None) -> Blocks:
     yield from identifiability.statements
     yield from identifiability.share_sentences
     if identifiability.warnings:
-        yield CommandHint("Which run or sensor would help", "advise")
+        yield CommandHint("Which run or sensor would help", ("advise",))
 
 
 FIT = Whole(
@@ -140,10 +140,11 @@ FIT = Whole(
     # What follows shows the vehicle with the parts that the fit added, and records on the clocks that it found.
     put=lambda results, kept: replace(results, fit=kept.fit, campaign=kept.point.in_campaign(results.campaign)),
     in_run="always",
-    effort=60.0,
+    effort=110.0,
     command=Command(
         help="Least-squares calibration of the vehicle model against all bump runs.",
         show=show_fit,
+        next=("sample",),
         fault=lambda kept: None if kept.fit.converged else NotConvergedError,
     ),
 )

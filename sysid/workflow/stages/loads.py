@@ -40,7 +40,7 @@ DRIVEN = Whole(
     code=("prediction",),
     put=lambda results, driven: replace(results, driven=driven),
     in_run="always",
-    effort=5.0,
+    effort=1.0,
 )
 
 
@@ -128,10 +128,11 @@ PREDICT = Whole(
     code=("prediction",),
     put=lambda results, predictions: replace(results, predictions=predictions),
     in_run="always",
-    effort=20.0,
+    effort=15.0,
     command=Command(
         help="Dynamic wheel loads of the passes in the campaign file, or of others.",
         show=show_predict,
+        next=("report", "--open"),
         options=_PASS_OPTIONS,
         aside=Aside(_requested, _write_passes),
     ),
@@ -194,7 +195,7 @@ ADVISE = Whole(
     answers=_of_these_speeds,
     put=lambda results, advice: replace(results, advice=advice),
     in_run="full",
-    effort=10.0,
+    effort=14.0,
     command=Command(
         help="What to measure next: further runs and sensors ranked by how much they would narrow the intervals.",
         show=show_advise,

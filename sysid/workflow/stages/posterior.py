@@ -141,10 +141,11 @@ SAMPLE = Whole(
     put=lambda results, posterior: replace(results, posterior=posterior),
     warnings=_sample_warnings,
     in_run="always",
-    effort=120.0,
+    effort=90.0,
     command=Command(
         help="Posterior of all parameters by emcee, continued until it has converged.",
         show=show_sample,
+        next=("predict",),
         fault=lambda posterior: None if posterior.converged else NotConvergedError,
     ),
 )
@@ -184,5 +185,5 @@ BANDS = Whole(
     code=("prediction",),
     put=_with_bands,
     in_run="always",
-    effort=15.0,
+    effort=10.0,
 )

@@ -1,0 +1,94 @@
+"""The last screen of a whole run: k and c, the largest axle loads, whether to use them, and what to do next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sysid.display import NOT_DETERMINED, CommandHint, TextTable
+from sysid.numbers import MISSING, count, decimals, fixed
+from sysid.results.headline import answer_words, largest_loads, suspension_rows
+from sysid.results.judgement import judge
+from sysid.workflow.stage import Blocks
+
+if TYPE_CHECKING:
+    from sysid.campaign.records import Campaign
+    from sysid.estimates.suspension_values import Estimate
+    from sysid.results.contents import Results
+
+#: Reasons that are told; the report has all.
+_REASONS = 3
+
+
+def show_run(results: Results, report: Path) -> Blocks:
+    """The answer of a whole calibration."""
+    yield from _suspension(results)
+    yield from _loads(results)
+    judgement = results.judgement or judge(results)
+    yield f"Can you use them? {answer_words(results, judgement)}."
+    for number, reason in enumerate(judgement.reasons[:_REASONS], start=1):
+        yield f"  {number}. {reason}"
+    more = len(judgement.reasons) - _REASONS
+    if more > 0:
+        yield f"  {count(more, 'more reason')} in the report."
+    yield f"Report: {report}"
+    yield _next(results)
+
+
+def _suspension(results: Results) -> Iterator[TextTable]:
+    rows = suspension_rows(results)
+    if not rows:
+        return
+    table = TextTable("k and c, both sides, ± half of the 90 % interval", ("axle", "k kN/m", "c kN s/m"))
+    for row in rows:
+        case = "" if row.load_case is None else f", {row.load_case}"
+        table.add_row(_axle(results.campaign, row.axle) + case, _value(row.stiffness), _value(row.damping))
+    yield table
+
+
+def _axle(campaign: Campaign, axle: int) -> str:
+    return f"{axle + 1} {campaign.vehicle.axles[axle].name}"
+
+
+def _value(e: Estimate | None) -> str:
+    if e is None or not math.isfinite(e.value):
+        return MISSING
+    return _plus_minus(e.value, e.low, e.high) if e.identified else NOT_DETERMINED
+
+
+def _plus_minus(value: float, low: float | None, high: float | None) -> str:
+    """A value in thousands of its unit with half of its interval."""
+    half = math.nan if low is None or high is None else (high - low) / 2e3
+    places = decimals(value / 1e3, half)
+    return fixed(value / 1e3, places) + (f" ± {fixed(half, places)}" if math.isfinite(half) else "")
+
+
+def _loads(results: Results) -> Iterator[TextTable | str]:
+    loads = largest_loads(results)
+    if not loads:
+        return
+    table = TextTable("Largest axle load of the predicted passes", ("axle", "static kN", "peak kN", "of static", "in"))
+    for load in loads:
+        table.add_row(
+            _axle(results.campaign, load.axle),
+            fixed(load.static_N / 1e3, 1),
+            _plus_minus(load.peak_N, load.low_N, load.high_N) + ("*" if load.beyond else ""),
+            f"{100.0 * load.ratio:.0f} %",
+            load.pass_name,
+        )
+    yield table
+    if any(load.beyond for load in loads):
+        yield "* beyond what the driven runs reached: an extrapolation."
+
+
+def _next(results: Results) -> CommandHint:
+    """One command: what brings these results further."""
+    if results.status == "preview":
+        return CommandHint("Next, for numbers that can be used", ("run",))
+    if results.fit is not None and not results.fit.converged:
+        return CommandHint("Next, look at the logs: the fit did not converge", ("check",))
+    if results.status == "not_converged":
+        return CommandHint("Next, continue the chain with a larger --max-steps", ("run", "--resume"))
+    return CommandHint("Next, for axle loads at another speed", ("predict", "--speed", "60"))

@@ -1,0 +1,107 @@
+"""What everybody asks first of a calibration: k and c of every axle, the largest axle load, and whether to use them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sysid.estimates.suspension_values import AxleEstimates, Estimate
+from sysid.results.contents import Judgement, Results, Trust
+from sysid.results.pass_limits import pass_name
+
+if TYPE_CHECKING:
+    from sysid.prediction.predicted_passes import PassPrediction
+
+_ANSWERS: dict[Trust, str] = {
+    "use": "Yes",
+    "with_care": "Yes, with care",
+    "do_not_bet": "Do not bet on them",
+    "not_yet": "Not yet",
+}
+
+
+def answer_words(results: Results, judgement: Judgement) -> str:
+    """Whether k, c and loads may be used, in a word or two."""
+    return "Not for decisions" if results.status == "preview" else _ANSWERS[judgement.trust]
+
+
+@dataclass(frozen=True)
+class SuspensionRow:
+    """Best stiffness and damping of an axle (index); `load_case` None where one value holds for all."""
+
+    axle: int
+    load_case: str | None
+    stiffness: Estimate | None
+    damping: Estimate | None
+
+
+def suspension_rows(results: Results) -> tuple[SuspensionRow, ...]:
+    """The most informed k and c of every axle, front to rear, one row per load case where they differ."""
+    stiffness, damping = results.suspension("stiffness"), results.suspension("damping")
+    several = {row.axle for of in (stiffness, damping) for row in of if sum(r.axle == row.axle for r in of) > 1}
+    rows = []
+    for axle in sorted({row.axle for row in (*stiffness, *damping)}):
+        of_axle = [r for r in (*stiffness, *damping) if r.axle == axle]
+        cases = dict.fromkeys(r.load_case or r.drop_load_case for r in of_axle) if axle in several else {}
+        # A value that all load cases share has a row of its own only where there is no other.
+        for case in [c for c in cases if c is not None] or (None,):
+            row = SuspensionRow(axle, case, _best(stiffness, axle, case), _best(damping, axle, case))
+            if row.stiffness or row.damping:
+                rows.append(row)
+    return tuple(rows)
+
+
+def _best(rows: Sequence[AxleEstimates], axle: int, case: str | None) -> Estimate | None:
+    """The best estimate of an axle in a load case; one that is shared by all load cases counts in each."""
+    of_axle = [r for r in rows if r.axle == axle]
+    of_case = [r for r in of_axle if case is not None and case == (r.load_case or r.drop_load_case)]
+    shared = [r for r in of_axle if r.load_case is None]
+    for row in (*of_case, *shared, *(of_axle if case is None else ())):
+        best: Estimate | None = row.best
+        if best is not None:
+            return best
+    return None
+
+
+@dataclass(frozen=True)
+class PeakLoad:
+    """The largest vertical load of an axle (index) in a predicted pass, both sides together [N].
+
+    `ratio` is it over `static_N`; `low_N`, `high_N` are the ends of its 90 % interval, None before sampling;
+    `off_road` whether the wheels leave the road; `beyond` whether the pass goes beyond the driven runs at this axle.
+    """
+
+    axle: int
+    pass_name: str
+    static_N: float
+    ratio: float
+    low_N: float | None
+    high_N: float | None
+    off_road: bool
+    beyond: bool
+
+    @property
+    def peak_N(self) -> float:
+        """Peak load [N]."""
+        return self.ratio * self.static_N
+
+
+def peak_loads(p: PassPrediction) -> tuple[PeakLoad, ...]:
+    """Peak load of every axle in one pass, front to rear."""
+    beyond = {e.axle for e in p.trust}
+
+    def of_axle(i: int) -> PeakLoad:
+        static = float(p.static_load_N[i])
+        low, high = (None if q is None else static * float(q[i]) for q in (p.peak_ratio_q05, p.peak_ratio_q95))
+        ratio = float(p.peak_ratio_q50[i])
+        return PeakLoad(i, pass_name(p), static, ratio, low, high, bool(p.lift_off[i]), i in beyond)
+
+    return tuple(of_axle(i) for i in range(len(p.static_load_N)))
+
+
+def largest_loads(results: Results) -> tuple[PeakLoad, ...]:
+    """Of every axle the largest load of all predicted passes, front to rear; none before any is predicted."""
+    passes = () if results.predictions is None else results.predictions.passes
+    of_axles = zip(*(peak_loads(p) for p in passes), strict=True)
+    return tuple(max(of_axle, key=lambda load: load.peak_N) for of_axle in of_axles)
