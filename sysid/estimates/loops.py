@@ -21,7 +21,8 @@ from sysid.vehicle_model.assembly import assemble
 from sysid.vehicle_model.contact import TireLaw, effective_road
 from sysid.vehicle_model.passes import PassBatch
 from sysid.vehicle_model.stacked_matrices import stack_matrices
-from sysid.vehicle_model.suspension import SuspensionLaw, slip_after_step, suspension_force
+from sysid.vehicle_model.suspension import SuspensionLaw, suspension_force
+from sysid.vehicle_model.suspension_states import Extension, SuspensionStates, states_after_step, states_at_rest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -99,16 +100,15 @@ def _forces(law: SuspensionLaw, extension: np.ndarray, rate: np.ndarray, step_s:
     """
     shape = law.stiffness.shape
 
-    def at(k: jax.Array) -> tuple[jax.Array, jax.Array]:
-        return jnp.broadcast_to(jnp.asarray(extension)[k], shape), jnp.broadcast_to(jnp.asarray(rate)[k], shape)
+    def at(k: jax.Array) -> Extension:
+        return Extension(*(jnp.broadcast_to(jnp.asarray(x)[k], shape) for x in (extension, rate)))
 
-    def step(slip: jax.Array | None, k: jax.Array) -> tuple[jax.Array | None, jax.Array]:
-        if slip is not None:
-            slip = slip_after_step(law, slip, at(k - 1), at(k), step_s)
-        return slip, suspension_force(law, *at(k), slip)[0, :, 0]
+    def step(inner: SuspensionStates, k: jax.Array) -> tuple[SuspensionStates, jax.Array]:
+        inner = states_after_step(law, inner, at(k - 1), at(k), step_s)
+        damper_rate = at(k).rate if inner.damper_rate is None else inner.damper_rate
+        return inner, suspension_force(law, at(k).value, damper_rate, inner.slip)[0, :, 0]
 
-    first = None if law.friction is None else jnp.zeros(shape)
-    return jax.lax.scan(step, first, jnp.arange(1, len(extension)))[1]
+    return jax.lax.scan(step, states_at_rest(law, jnp.zeros(shape)), jnp.arange(1, len(extension)))[1]
 
 
 def suspension_loops(

@@ -28,9 +28,14 @@ from sysid.vehicle_model.suspension import (
     SuspensionLaw,
     has_kinks,
     kink_corrections,
-    slip_after_step,
-    slip_at_stage,
     suspension_force,
+)
+from sysid.vehicle_model.suspension_states import (
+    Extension,
+    SuspensionStates,
+    states_after_step,
+    states_at_rest,
+    states_at_stage,
 )
 
 
@@ -66,13 +71,13 @@ class _State(NamedTuple):
     body_rate: jax.Array
     axle: jax.Array
     axle_rate: jax.Array
-    slip: jax.Array | None
+    inner: SuspensionStates
 
 
 class _Forces(NamedTuple):
     """Forces and accelerations of one stage; `axle_acceleration`, `extension` and `rate` at unsprung coordinates.
 
-    `body_rate` are the rates of the body coordinates in that stage.
+    `damper_rate` are the rates of the dampers, `body_rate` those of the body coordinates in that stage.
     """
 
     body_acceleration: jax.Array
@@ -82,6 +87,7 @@ class _Forces(NamedTuple):
     pull: jax.Array
     extension: jax.Array
     rate: jax.Array
+    damper_rate: jax.Array
     body_rate: jax.Array
 
 
@@ -93,9 +99,9 @@ def _forces(
     road: RoadInput,
     time_s: jax.Array,
     state: _State,
-    slip_at: Callable[[RunsByAxlesBySets], RunsByAxlesBySets] | None = None,
+    inner_at: Callable[[Extension], SuspensionStates] | None = None,
 ) -> _Forces:
-    """Forces of a state; `slip_at` gives the friction state of a stage from its extension, None keeps the state's."""
+    """Forces of a state; `inner_at` gives the states inside suspensions of a stage, None keeps the state's."""
     axles = matrices.static_load.shape[1]
     shift = jnp.matmul(matrices.position, state.body)
     drift = jnp.matmul(matrices.rate, state.body_rate)
@@ -112,8 +118,9 @@ def _forces(
     horizontal = drag * vertical
     extension = shift[:, :axles] - state.axle
     rate = drift[:, :axles] - state.axle_rate
-    slip = state.slip if slip_at is None else slip_at(extension)
-    pull = _carried(matrices, suspension_force(suspension, extension, rate, slip, matrices.sharing))
+    inner = state.inner if inner_at is None else inner_at(Extension(extension, rate))
+    damper_rate = rate if inner.damper_rate is None else inner.damper_rate
+    pull = _carried(matrices, suspension_force(suspension, extension, damper_rate, inner.slip, matrices.sharing))
     body = (
         jnp.matmul(matrices.acceleration, jnp.concatenate([pull, horizontal], axis=1))
         + shift[:, 2 * axles :]
@@ -124,7 +131,7 @@ def _forces(
         straightening = suspension.frames.stiffness * amplitude + suspension.frames.damping * swing
         body = body + jnp.matmul(matrices.frames.push, straightening)
     axle = _unsprung_acceleration(matrices, vertical - matrices.static_load, pull)
-    return _Forces(body, axle, unclipped, horizontal, pull, extension, rate, state.body_rate)
+    return _Forces(body, axle, unclipped, horizontal, pull, extension, rate, damper_rate, state.body_rate)
 
 
 def _at_wheels(matrices: StackedMatrices, motion: jax.Array) -> jax.Array:
@@ -158,7 +165,7 @@ def _stages(
 ) -> tuple[_Forces, _Forces, _Forces, _Forces]:
     """Forces of the four stages of a Nystrom step from `state`, whose forces are `first`."""
     half = 0.5 * h
-    b, vb, z, vz, slip = state
+    b, vb, z, vz, inner = state
 
     def forces(
         road: RoadInput,
@@ -167,10 +174,12 @@ def _stages(
         body_rate: jax.Array,
         axle: RunsByAxlesBySets,
         axle_rate: RunsByAxlesBySets,
+        middle_rate: RunsByAxlesBySets | None = None,
     ) -> _Forces:
-        slip_at = None if slip is None else partial(slip_at_stage, suspension, slip, first.extension, first.rate, tau)
-        stage = _State(body, body_rate, axle, axle_rate, slip)
-        return _forces(matrices, suspension, tire, motion, road, time_s + tau, stage, slip_at)
+        start = Extension(first.extension, first.rate)
+        inner_at = partial(states_at_stage, suspension, inner, start, tau, middle_rate=middle_rate)
+        stage = _State(body, body_rate, axle, axle_rate, inner)
+        return _forces(matrices, suspension, tire, motion, road, time_s + tau, stage, inner_at)
 
     middle_b, middle_z = b + half * vb, z + half * vz
     second = forces(
@@ -196,6 +205,7 @@ def _stages(
         vb + h * third.body_acceleration,
         z + h * (vz + half * second.axle_acceleration),
         vz + h * third.axle_acceleration,
+        0.5 * (second.rate + third.rate),
     )
     return first, second, third, fourth
 
@@ -212,7 +222,7 @@ def _step(
     first: _Forces,
 ) -> tuple[_State, _Forces]:
     """One Nystrom step from `state`, whose forces are `first`; returns the new state and the mid-step forces."""
-    b, vb, z, vz, slip = state
+    b, vb, z, vz, inner = state
     stages = _stages(matrices, suspension, tire, motion, roads, time_s, h, state, first)
     _, second, third, _ = stages
     impulse, moment = _missed_by_stages(matrices, suspension, stages)
@@ -231,14 +241,14 @@ def _step(
     if impulse.body is not None and moment.body is not None:
         new_b, new_vb = new_b + h * h * moment.body, new_vb + h * impulse.body
         middle = middle._replace(body_acceleration=middle.body_acceleration + 1.5 * impulse.body)
-    if slip is not None:
+    if any(state is not None for state in inner):
         axles = matrices.static_load.shape[1]
-        end = (
+        end = Extension(
             jnp.matmul(matrices.position[:, :axles], new_b) - new_z,
             jnp.matmul(matrices.position[:, :axles], new_vb) - new_vz,
         )
-        slip = slip_after_step(suspension, slip, (first.extension, first.rate), end, h)
-    return _State(new_b, new_vb, new_z, new_vz, slip), middle
+        inner = states_after_step(suspension, inner, Extension(first.extension, first.rate), end, h)
+    return _State(new_b, new_vb, new_z, new_vz, inner), middle
 
 
 class _Missed(NamedTuple):
@@ -262,7 +272,7 @@ def _missed_by_stages(
             _Missed(_unsprung_acceleration(matrices, impulse), None),
             _Missed(_unsprung_acceleration(matrices, moment), None),
         )
-    arguments = tuple(f.extension for f in stages), tuple(f.rate for f in stages)
+    arguments = tuple(f.extension for f in stages), tuple(f.damper_rate for f in stages)
     corrections = kink_corrections(suspension, *arguments, matrices.sharing)
     missed = tuple(_carried(matrices, one) for one in corrections)
     turn = matrices.acceleration[:, :, : matrices.static_load.shape[1]]
@@ -312,7 +322,7 @@ def _start(matrices: StackedMatrices, suspension: SuspensionLaw) -> _State:
         raise SysidError(
             "The simulation needs 64-bit floats; call jax.config.update('jax_enable_x64', True) before the first use."
         )
-    return _State(body, body, axle, axle, None if suspension.friction is None else axle)
+    return _State(body, body, axle, axle, states_at_rest(suspension, axle))
 
 
 def simulate_sensors(

@@ -3,9 +3,11 @@
 One law per axle is a sum of elements; every element has neutral values, so that axles with different laws can be in the
 same arrays. An element that no axle needs is None and takes no time.
 
-    pull = S(e) + D(v) + F_c phi + sum_j ramp_j
+    pull = S(e) + D(u) + F_c phi + sum_j ramp_j
 
-e extension from static rest (positive: longer) and v its rate; the static load itself is in neither.  Where a rocker
+e extension from static rest (positive: longer); the static load is not in it. u is the rate of the damper: that of the
+extension, or less where rubber bushings give way at the damper's eyes (:mod:`sysid.vehicle_model.suspension_states`,
+also for the state phi of friction).  Where a rocker
 (equaliser) joins the springs of neighbouring axles, each passes on a share s of the difference to their mean:
 
     pull_i = S_i + s (mean_j S_j - S_i) + D_i + stops_i,    S = spring and friction.
@@ -62,6 +64,7 @@ class SuspensionLaw(NamedTuple):
     - `asymmetry` q: g = 2 q / (1 + q) in rebound (v > 0) and 2 / (1 + q) in compression; 1 is symmetric.
     - `friction` F_c [N] and `slip` z_s [m]: Dahl's element d phi / d e = (1 - phi sgn v) / z_s (P. R. Dahl, "A solid
       friction model", 1968).
+    - `compliance` 1/k_b [m/N] of the rubber bushings in series with the damper; 0 holds it rigidly.
     - `ramps`: corners of the spring curve: hanger lash and tables; `stops`: bump stops, beside the spring;
       `rate_ramps`: corners of the damper curve.
     - `frames` of the bodies above, where they bend.
@@ -79,6 +82,7 @@ class SuspensionLaw(NamedTuple):
     friction: RunsByAxlesBySets | None = None
     slip: RunsByAxlesBySets | None = None
     load_share: RunsByAxlesBySets | None = None
+    compliance: RunsByAxlesBySets | None = None
     ramps: Ramps | None = None
     stops: Ramps | None = None
     rate_ramps: Ramps | None = None
@@ -93,6 +97,7 @@ ELEMENT_FIELDS: dict[str, tuple[str, ...]] = {
     "asymmetric": ("asymmetry",),
     "friction": ("friction", "slip"),
     "equaliser": ("load_share",),
+    "damper_bushing": ("compliance",),
 }
 
 
@@ -120,13 +125,30 @@ def _of_spring(law: SuspensionLaw, extension: RunsByAxlesBySets) -> jax.Array:
 
 
 def damper_force(law: SuspensionLaw, rate: RunsByAxlesBySets) -> jax.Array:
-    """Damper force D(v) [N] at extension rates [m/s]."""
+    """Damper force D(v) [N] at rates of the damper [m/s]."""
     force = _symmetric_damper(law, rate)
     if law.asymmetry is not None:
         force = force * jnp.where(rate >= 0.0, law.asymmetry, 1.0) * (2.0 / (1.0 + law.asymmetry))
     if law.rate_ramps is not None:
         force = force + _ramp_force(law.rate_ramps, rate)
     return jnp.asarray(force)
+
+
+def damper_slope(law: SuspensionLaw, rate: RunsByAxlesBySets) -> jax.Array:
+    """Slope dD/dv of the damper force [N s/m] at rates of the damper [m/s]; at a corner, that of higher rates."""
+    slope = law.damping * jnp.ones_like(rate)
+    if law.saturation is not None and law.tail is not None and law.rounding is not None:
+        # d/dv of v / sqrt(g), g = 1 + 2 b x + x^2 and x = |v| / v_s, is (1 + b x) / g^1.5.
+        relative = jnp.abs(rate) / law.saturation
+        curve = 1.0 + relative * (2.0 * law.rounding + relative)
+        steep = law.tail + (1.0 - law.tail) * (1.0 + law.rounding * relative) / (curve * jnp.sqrt(curve))
+        slope = law.damping * steep / _damper_shape(law, REFERENCE_RATE_M_S)
+    if law.asymmetry is not None:
+        slope = slope * jnp.where(rate >= 0.0, law.asymmetry, 1.0) * (2.0 / (1.0 + law.asymmetry))
+    if law.rate_ramps is not None:
+        at, steps, side = law.rate_ramps
+        slope = slope + jnp.where(side * (rate - at) > 0.0, steps, 0.0).sum(axis=0)
+    return jnp.asarray(slope)
 
 
 def _symmetric_damper(law: SuspensionLaw, rate: RunsByAxlesBySets) -> jax.Array:
@@ -146,7 +168,7 @@ def _damper_shape(law: SuspensionLaw, rate: RunsByAxlesBySets | float) -> jax.Ar
 def suspension_force(
     law: SuspensionLaw,
     extension: RunsByAxlesBySets,
-    rate: RunsByAxlesBySets,
+    damper_rate: RunsByAxlesBySets,
     slip: RunsByAxlesBySets | None,
     sharing: HostOrDevice | None = None,
 ) -> jax.Array:
@@ -154,14 +176,14 @@ def suspension_force(
 
     Parameters
     ----------
-    law : coefficients. extension, rate : (R, na, S) extension from static rest [m] and its rate [m/s]. slip : (R, na,
-    S) state phi of the friction elements, None where no axle has one. sharing : (R, na, na) means over the axles of
-    every rocker; None for suspensions without rockers.
+    law : coefficients. extension, damper_rate : (R, na, S) extension from static rest [m] and rate of the damper
+    [m/s]. slip : (R, na, S) state phi of the friction elements, None where no axle has one. sharing : (R, na, na) means
+    over the axles of every rocker; None for suspensions without rockers.
     """
     force = _of_spring(law, extension)
     if law.friction is not None and slip is not None:
         force = force + law.friction * slip
-    force = shared(law, sharing, force) + damper_force(law, rate)
+    force = shared(law, sharing, force) + damper_force(law, damper_rate)
     return force if law.stops is None else force + _ramp_force(law.stops, extension)
 
 
@@ -170,73 +192,6 @@ def shared(law: SuspensionLaw, sharing: HostOrDevice | None, force: RunsByAxlesB
     if sharing is None or law.load_share is None:
         return force
     return force + law.load_share * (jnp.matmul(sharing, force) - force)
-
-
-def _slide(slip: RunsByAxlesBySets, length: jax.Array, change: jax.Array) -> jax.Array:
-    """phi after the extension changes by `change` in one direction: s + (phi - s) exp(-|change| / z_s)."""
-    direction = jnp.sign(change)
-    return direction + (slip - direction) * jnp.exp(-jnp.abs(change) / length)
-
-
-def slip_at_stage(
-    law: SuspensionLaw,
-    slip: RunsByAxlesBySets,
-    start: RunsByAxlesBySets,
-    rate: RunsByAxlesBySets,
-    tau: float,
-    extension: RunsByAxlesBySets,
-) -> jax.Array:
-    """Friction state phi at a stage, from the parabola through the step's start and the stage's extension.
-
-    Where the parabola turns inside the stage the friction element slides to the turning point and back; the result is
-    continuous where the turning point enters or leaves the stage.
-
-    Parameters
-    ----------
-    slip, start, rate : (R, na, S) phi, extension [m] and rate [m/s] at the start of the step.
-    tau : time from the start of the step to the stage [s].
-    extension : (R, na, S) extension at the stage [m].
-    """
-    assert law.slip is not None
-    bend = extension - start - rate * tau
-    turns = rate * (rate * tau + 2.0 * bend) < 0.0
-    turned = start - jnp.where(turns, (rate * tau) ** 2, 0.0) / (4.0 * jnp.where(turns, bend, 1.0))
-    return _slide(_slide(slip, law.slip, turned - start), law.slip, extension - turned)
-
-
-def slip_after_step(
-    law: SuspensionLaw,
-    slip: RunsByAxlesBySets,
-    start: tuple[jax.Array, jax.Array],
-    end: tuple[jax.Array, jax.Array],
-    step_s: float,
-) -> jax.Array:
-    """Friction state phi at the end of a step, through the turning point of the cubic between both ends.
-
-    Parameters
-    ----------
-    slip : (R, na, S) phi at the start.
-    start, end : extension [m] and rate [m/s] at both ends, each (R, na, S).
-    step_s : step [s].
-    """
-    assert law.slip is not None
-    (e0, v0), (e1, v1) = start, end
-    turns = v0 * v1 < 0.0
-    s = jax.lax.stop_gradient(_turning_point(e1 - e0, v0 * step_s, v1 * step_s, turns))
-    # Its rate vanishes there, so the exact derivative needs no derivative of the turning point's place.
-    cubic = e0 + s * (step_s * v0 * (1.0 - s) ** 2 + s * ((3.0 - 2.0 * s) * (e1 - e0) - (1.0 - s) * step_s * v1))
-    turned = jnp.where(turns, cubic, e0)
-    return _slide(_slide(slip, law.slip, turned - e0), law.slip, e1 - turned)
-
-
-def _turning_point(change: jax.Array, v0: jax.Array, v1: jax.Array, turns: jax.Array) -> jax.Array:
-    """Root in [0, 1] of v0 + (6 change - 4 v0 - 2 v1) s + (3 v0 + 3 v1 - 6 change) s^2, the cubic's rate."""
-    a, b, c = 3.0 * (v0 + v1) - 6.0 * change, 6.0 * change - 4.0 * v0 - 2.0 * v1, v0
-    half = -0.5 * (b + jnp.where(b >= 0.0, 1.0, -1.0) * jnp.sqrt(jnp.maximum(b * b - 4.0 * a * c, 0.0)))
-    first = jnp.where(a != 0.0, half / jnp.where(a != 0.0, a, 1.0), -1.0)
-    second = jnp.where(half != 0.0, c / jnp.where(half != 0.0, half, 1.0), -1.0)
-    root = jnp.where((second >= 0.0) & (second <= 1.0), second, first)
-    return jnp.where(turns, jnp.clip(root, 0.0, 1.0), 0.0)
 
 
 def has_kinks(law: SuspensionLaw) -> bool:
@@ -258,7 +213,7 @@ def kink_corrections(
 
     Parameters
     ----------
-    extension, rate : four stage values each, (R, na, S), in the order of the Nystrom step.
+    extension, rate : four stage values each, (R, na, S), in the order of the Nystrom step; rates are the damper's.
     sharing : as in :func:`suspension_force`.
     """
     impulse, moment = jnp.zeros_like(extension[0]), jnp.zeros_like(extension[0])

@@ -19,7 +19,16 @@ from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE, departure_columns, departure_scale, least_sd
-from sysid.estimation.uncertainty.departures import ENVELOPE, FRICTION, REACH, SPOKES, TIRE_LOAD, Departure, Departures
+from sysid.estimation.uncertainty.departures import (
+    BUSHING,
+    ENVELOPE,
+    FRICTION,
+    REACH,
+    SPOKES,
+    TIRE_LOAD,
+    Departure,
+    Departures,
+)
 from sysid.vehicle_model.passes import EffectiveRoads, Pass
 
 MOTION = RunMotion.steady(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
@@ -81,6 +90,27 @@ def test_friction_of_a_group_is_a_share_of_what_its_suspension_carries():
     found = known.laws(ours.arrays[0].laws, amplitudes(known, FRICTION, 0.01), ["empty"]).elements["friction"]
     own = EMPTY.axle_loads_kg[0] - 520.0, EMPTY.axle_loads_kg[1] + EMPTY.axle_loads_kg[2] - 980.0 - 760.0 - 300.0
     np.testing.assert_allclose(found.neutral[:2], 0.01 * 9.81 * np.array(own), rtol=1e-9)
+
+
+def test_bushings_of_an_amplitude_are_those_of_the_law_and_none_is_a_rigid_damper(model):
+    """0.2 mm/kN against 5 MN/m that every axle declares."""
+    data, parameters, ours = model
+    axles = tuple(replace(a, suspension_law="damper_bushing") for a in VEHICLE.axles)
+    declared = replace(data, vehicle=replace(data.vehicle, axles=axles))
+    of_law = campaign_parameters(declared, None)
+    values = np.where([p.quantity == "bushing_stiffness" for p in of_law.parameters], np.log(5e6), of_law.start)
+    theirs = bump_model(declared, of_law, {"bump": bump()})
+    known = known_departures(data, parameters, ours)
+    assert not any(d.kind == BUSHING for d in known_departures(declared, of_law, theirs).directions)
+    moved = known.model(ours, amplitudes(known, BUSHING, 0.2))
+    stiff = known.model(ours, amplitudes(known, BUSHING, 1e-7))
+    start = parameters.start
+    parts = (simulate_runs(m, x, MOTION) for m, x in ((ours, start), (moved, start), (theirs, values)))
+    for plain, one, two in zip(*parts, strict=True):
+        np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-12)
+        assert np.abs(one - plain).max() > 1e-2 * np.abs(plain).max()
+    for one, two in zip(*(simulate_runs(m, start, MOTION) for m in (ours, stiff)), strict=True):
+        np.testing.assert_allclose(one, two, rtol=1e-4, atol=1e-6 * np.abs(one).max())
 
 
 def test_scale_is_the_root_mean_square_of_what_exact_data_ask_for():
@@ -174,13 +204,13 @@ def test_stiffening_spokes_are_the_maps_of_their_exponent(model):
         assert np.sqrt(np.mean((one - two) ** 2)) < 0.05 * np.sqrt(np.mean((plain - two) ** 2))
 
 
-def test_amounts_stay_within_reach_and_friction_does_not_push():
+def test_amounts_stay_within_reach_and_friction_and_bushings_do_not_push():
     masses = SimpleNamespace(sd=np.array([0.03]), factors=("one",))
-    directions = (Departure(FRICTION, 0), Departure(ENVELOPE, 0), Departure(TIRE_LOAD, 0, "laden"))
-    allowances = Allowances(masses, Departures(None, directions))
-    found = allowances.within_reach(np.array([-0.5, -0.02, -9.0, 0.1]))
-    np.testing.assert_allclose(found, [-0.12, 0.0, -REACH[ENVELOPE], 0.1])
-    np.testing.assert_allclose(allowances.within_reach(np.full(4, 9.0)), [0.12, *(REACH[d.kind] for d in directions)])
+    kinds = (Departure(FRICTION, 0), Departure(BUSHING, 0), Departure(ENVELOPE, 0), Departure(TIRE_LOAD, 0, "laden"))
+    allowances = Allowances(masses, Departures(None, kinds))
+    found = allowances.within_reach(np.array([-0.5, -0.02, -0.1, -9.0, 0.1]))
+    np.testing.assert_allclose(found, [-0.12, 0.0, 0.0, -REACH[ENVELOPE], 0.1])
+    np.testing.assert_allclose(allowances.within_reach(np.full(5, 9.0)), [0.12, *(REACH[d.kind] for d in kinds)])
 
 
 def test_an_axle_goes_no_further_than_its_reach_together_with_what_all_have_in_common():

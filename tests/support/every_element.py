@@ -14,7 +14,7 @@ from sysid.campaign.vehicle_records import AxleGroup, Equaliser, ForceTable, Fra
 def campaign_with_every_element(
     joined: str, *, runs: int = 1, samples: int = 220, antialias: AntiAliasFilter | None = rigid_truck.FILTER
 ) -> Campaign:
-    """Friction, stops and an asymmetric damper in front; gas spring, lash and tables behind, on what `joined` says.
+    """Friction, stops, asymmetric damper in bushings in front; gas spring, lash, tables behind, on what `joined` says.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def campaign_with_every_element(
     axles = (
         replace(
             first,
-            suspension_law="friction + asymmetric_damper + bump_stops",
+            suspension_law="friction + damper_bushing + asymmetric_damper + bump_stops",
             jounce_travel_m=0.02,
             rebound_travel_m=0.025,
         ),

@@ -60,14 +60,17 @@ class Bend:
 class Truck:
     """Quantities of the hand-written equations: statics, tire law, and the coupled mass of travel and pitch.
 
-    `law` gives the suspension force from extension, rate and the state of Dahl friction elements with the slip length
-    `slip_m`; `load` is how the truck is loaded, its tires as stiff as ever at rest; `bend` its frame; the speed that is
-    held changes by `acceleration_m_s2`.
+    `law` gives the suspension force from extension, rate of the damper and the state of Dahl friction elements with the
+    slip length `slip_m`; the damper stands in bushings of the stiffness `bushing_N_per_m`, or rigidly (None), and
+    `damper_rate` is its rate from its force; `load` is how the truck is loaded, its tires as stiff as ever at rest;
+    `bend` its frame; the speed that is held changes by `acceleration_m_s2`.
     """
 
     height_m: float
     law: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] = linear
     slip_m: float = 1e-3
+    bushing_N_per_m: np.ndarray | None = None
+    damper_rate: Callable[[np.ndarray], np.ndarray] = lambda force: force / DAMPING
     load: LoadCase = EMPTY
     bend: Bend | None = None
     acceleration_m_s2: float = 0.0
@@ -91,7 +94,9 @@ class Truck:
         )
 
     def signals(self, t: float, y: np.ndarray) -> dict[str, np.ndarray]:
-        """Signals in state y = (xi, z, theta, z_1..3, their rates, phi_1..3, amplitude of bending and its rate)."""
+        """Signals in state y = (xi, z, theta, z_1..3, their rates, phi_1..3, amplitude of bending and its rate,
+        yield of the bushings of dampers 1..3).
+        """
         (xi, z, theta), axle = y[:3], y[3:6]
         (xi_rate, z_rate, theta_rate), axle_rate, slip = y[6:9], y[9:12], y[12:15]
         arm = X - self.cg_x
@@ -99,7 +104,8 @@ class Truck:
         rate = z_rate - theta_rate * arm - axle_rate
         if self.bend is not None:
             extension, rate = extension + self.bend.at_axles * y[15], rate + self.bend.at_axles * y[16]
-        pull = self.law(extension, rate, slip)
+        damper_rate = rate if self.bushing_N_per_m is None else self.damper_rate(self.bushing_N_per_m * y[17:20])
+        pull = self.law(extension, damper_rate, slip)
         tau, a = t - START_S, self.acceleration_m_s2
         s = SPEED_M_S * tau + a * tau**2 / 2.0 - X + xi - theta * self.below
         slope = self.height_m * road(s, 1)
@@ -139,11 +145,13 @@ class Truck:
             "deflection": extension,
             "suspension_force": -pull,
             "slip_rate": (rate - np.abs(rate) * slip) / self.slip_m,
+            "yielding": rate - damper_rate,
         }
 
     def rates(self, t: float, y: np.ndarray) -> np.ndarray:
         found = self.signals(t, y)
         rates = [y[6:12], found["body"], found["axle_acceleration"], found["slip_rate"], found["bending"]]
+        rates.append(found["yielding"])
         return np.concatenate(rates)
 
     def histories(self, times: np.ndarray) -> dict[str, np.ndarray]:
@@ -151,7 +159,7 @@ class Truck:
         solution = solve_ivp(
             self.rates,
             (0.0, times[-1]),
-            np.zeros(17),
+            np.zeros(20),
             method="DOP853",
             t_eval=times,
             rtol=1e-11,

@@ -189,6 +189,7 @@ def elements(case: Case) -> dict[str, dict]:
         "saturating damper": {"saturation": varied(0.3), "rounding": varied(0.6), "tail": varied(0.2)},
         "asymmetric damper": {"asymmetry": varied(2.5)},
         "friction": {"friction": varied(2000.0), "slip": varied(1e-3)},
+        "damper bushing": {"compliance": varied(3e-7)},
         "spring corners": {"ramps": ramps(case, (0.012, 0.02, -0.015), 1e6)},
         "stops": {"stops": ramps(case, (0.015, -0.018), 1.5e6)},
         "damper corners": {"rate_ramps": ramps(case, (0.1, -0.2), 1e4)},

@@ -13,6 +13,7 @@ from sysid.campaign.clocks.moved import on_moved_clocks
 from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit.fit_result import FitResult, MassCheck, UndecidedLaw
+from sysid.estimation.fit.found_bushings import found_bushings
 from sysid.estimation.fit.minimiser import Minimum
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
@@ -111,7 +112,7 @@ def evaluate_optimum(
         model_error_inflation=float(np.sqrt(np.mean(adjusted.inflation))),
         contact=CONTACT_LAWS[options.contact].meaning,
         residual_evidence=at_optimum.evidence,
-        warnings=(*warnings, *_mass_warnings(checks)),
+        warnings=(*found_bushings(allowances, adjusted.response, shared), *warnings, *_mass_warnings(checks)),
         doubts=(*numerical_doubts(halving, difference), *_mass_warnings(checks)),
         masses=checks,
         identifiability=determined,

@@ -26,13 +26,11 @@ from sysid.campaign.records import Campaign
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.parameters.suspension_elements import TRAVELS
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
-from sysid.estimation.uncertainty.allowances import Allowances
+from sysid.estimation.uncertainty.allowances import Allowances, without_friction
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE
-from sysid.estimation.uncertainty.departures import departures
 from sysid.estimation.uncertainty.information import BlockInformation, apart_by_load_case, information_with
 from sysid.estimation.uncertainty.normal_equations import Eliminated, NormalEquations
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns
-from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 
 
 @dataclass(frozen=True)
@@ -63,13 +61,11 @@ class LawEvidence:
     """Evidence for the optima of one campaign under the footprint maps of one of them."""
 
     def __init__(self, campaign: Campaign, optimum: Optimum):
-        self._campaign, self._felt = campaign, optimum.problem.model.felt
+        self._campaign, self._model = campaign, optimum.problem.model
 
     @cached_property
     def _allowances(self) -> Allowances:
-        rubbing = [True] * len(self._campaign.vehicle.axles)
-        tires = departures(self._felt, self._campaign.load_cases_in_use, rubbing)
-        return Allowances(uncertain_masses(self._campaign), tires)
+        return without_friction(self._campaign, self._model.parameters, self._model.felt)
 
     @property
     def count(self) -> int:
@@ -79,8 +75,8 @@ class LawEvidence:
     @cached_property
     def sd(self) -> Unknowns:
         """Standard deviations (m,) of masses and departures."""
-        tires = [PLAUSIBLE[d.kind] for d in self._allowances.departures.directions]
-        return np.concatenate([self._allowances.masses.sd, tires])
+        plausible = [PLAUSIBLE[d.kind] for d in self._allowances.departures.directions]
+        return np.concatenate([self._allowances.masses.sd, plausible])
 
     def without_known(self, optimum: Optimum, more: Sequence[ResidualColumns]) -> Eliminated:
         """Equations of q candidates near an optimum, and how parameters, masses and departures follow them.

@@ -23,12 +23,10 @@ from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.residuals.by_group import too_many
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
-from sysid.estimation.uncertainty.allowances import Allowances
+from sysid.estimation.uncertainty.allowances import without_friction
 from sysid.estimation.uncertainty.departure_scale import PLAUSIBLE
-from sysid.estimation.uncertainty.departures import departures
 from sysid.estimation.uncertainty.information import information_with
 from sysid.estimation.uncertainty.normal_equations import NormalEquations
-from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 
 #: Share of the squares beyond the noise that one mistake must explain to be named.
 NAMED_SHARE = 0.4
@@ -67,10 +65,9 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
     )
     if total < MISFIT**2 * count:
         return ()
-    rubbing = [True] * len(campaign.vehicle.axles)
-    tires = departures(model.felt, campaign.load_cases_in_use, rubbing)
-    allowances = Allowances(uncertain_masses(campaign), tires)
-    sd = np.concatenate([allowances.masses.sd, [PLAUSIBLE[d.kind] for d in tires.directions]])
+    allowances = without_friction(campaign, model.parameters, model.felt)
+    plausible = [PLAUSIBLE[d.kind] for d in allowances.departures.directions]
+    sd = np.concatenate([allowances.masses.sd, plausible])
     values, motion = problem.unpack(optimum.vector)
     prior_pull, prior = model.parameters.prior_pull(values)
     known = allowance_columns(model, allowances, problem.weights, values, motion)

@@ -6,6 +6,7 @@ A law is written in the campaign file as ``linear`` or as elements joined by ``+
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -72,6 +73,11 @@ NO_STOP_M = 1e3
 #: are generally known of leaf packs.
 FRICTION_SHARE = {"leaf": 0.05, "air": 0.02, "other": 0.03}
 
+#: Stiffness [N/m] of the bushings of an axle's two dampers, an eye at each end of both, and the standard deviation of
+#: its logarithm: 2 to 20 MN/m from eyes of 4 to 40 kN/mm (an assumption: general knowledge of rubber in shock absorbers
+#: of trucks).
+BUSHING_STIFFNESS, BUSHING_SD = 6.0e6, 0.7
+
 _ASYMMETRY = ElementQuantity("damper_asymmetry", "q", "1", False, lambda axle, carried: 1.5, 0.7, 1.0, "asymmetry")
 _STOP = ElementQuantity("stop_stiffness", "stop", "N/m", False, lambda axle, carried: STOP_STIFFNESS, 0.7, 0.0)
 
@@ -104,6 +110,23 @@ ELEMENTS = {
                 ),
                 ElementQuantity(
                     "slip_length", "slip", "m", True, lambda axle, carried: 1e-3, 0.7, 1.0, "slip", decides=False
+                ),
+            ),
+        ),
+        Element(
+            "damper_bushing",
+            "rubber bushings in series with the dampers",
+            (
+                ElementQuantity(
+                    "bushing_stiffness",
+                    "bushing",
+                    "N/m",
+                    False,
+                    lambda axle, carried: BUSHING_STIFFNESS,
+                    BUSHING_SD,
+                    math.inf,
+                    "compliance",
+                    lambda bushing, stiffness, carried, growth: 1.0 / bushing,
                 ),
             ),
         ),

@@ -11,7 +11,7 @@ import numpy as np
 from sysid.campaign.records import Campaign
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel
-from sysid.estimation.uncertainty.departures import FRICTION, REACH, Departures, departures
+from sysid.estimation.uncertainty.departures import BUSHING, FRICTION, ONE_SIDED, REACH, Departures, departures
 from sysid.estimation.uncertainty.uncertain_masses import REACH_SD, UncertainMasses, uncertain_masses
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.passes import EffectiveRoads, Pass
@@ -38,7 +38,7 @@ class Allowances:
         return amounts[:masses], amounts[masses:]
 
     def within_reach(self, amounts: np.ndarray) -> np.ndarray:
-        """Amounts (m + n,) within the range that the simulation follows; friction is not negative.
+        """Amounts (m + n,) within the range that the simulation follows; friction and bushings are not negative.
 
         An axle's own part goes no further than that range leaves beside the part that all axles have in common.
         """
@@ -46,7 +46,7 @@ class Allowances:
         far = REACH_SD * self.masses.sd
         directions = self.departures.directions
         reach = np.array([REACH[d.kind] for d in directions])
-        least = np.array([0.0 if d.kind == FRICTION else -REACH[d.kind] for d in directions])
+        least = np.array([0.0 if d.kind in ONE_SIDED else -REACH[d.kind] for d in directions])
         bounded = np.clip(amplitudes, least, reach)
         common = self.departures.common(bounded)
         bounded = np.clip(bounded, np.maximum(least, -reach - common), np.minimum(reach, reach - common))
@@ -83,7 +83,18 @@ def campaign_allowances(campaign: Campaign, parameters: ParameterSet, felt: Effe
     ----------
     felt : effective roads of the wheels over the bumps in the model.
     """
-    rubbing = {p.axle for p in parameters.parameters if p.quantity == "friction"}
-    axles = range(len(campaign.vehicle.axles))
-    directions = departures(felt, campaign.load_cases_in_use, [i in rubbing for i in axles])
+    directions = departures(felt, campaign.load_cases_in_use, modelled(parameters))
+    return Allowances(uncertain_masses(campaign), directions)
+
+
+def modelled(parameters: ParameterSet) -> set[tuple[str, int]]:
+    """Kinds and axles of departures that the laws of the axles have already."""
+    kinds = {"friction": FRICTION, "bushing_stiffness": BUSHING}
+    return {(kinds[p.quantity], p.axle) for p in parameters.parameters if p.quantity in kinds and p.axle is not None}
+
+
+def without_friction(campaign: Campaign, parameters: ParameterSet, felt: EffectiveRoads) -> Allowances:
+    """Allowances for a comparison in which friction is one of the laws that are compared."""
+    rubbing = {(FRICTION, i) for i in range(len(campaign.vehicle.axles))}
+    directions = departures(felt, campaign.load_cases_in_use, modelled(parameters) | rubbing)
     return Allowances(uncertain_masses(campaign), directions)

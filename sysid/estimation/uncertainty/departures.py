@@ -1,14 +1,14 @@
 """Departures of the vehicle from the model: physics that the model leaves out, each with an amplitude.
 
-In the model, a tire rolls over its footprint in one way, its stiffness grows with load by one exponent, and a linear
-suspension has no friction. A real truck differs a little in all of these. A departure is a direction in which the
-simulation can be moved towards such other physics; amplitude 0 is the model. Amplitudes are estimated, with priors
-whose size follows from the data (:mod:`sysid.estimation.uncertainty.departure_scale`).
+In the model, a tire rolls over its footprint in one way, its stiffness grows with load by one exponent, a linear
+suspension has no friction, and dampers are held rigidly. A real truck differs a little in all of these. A departure is
+a direction in which the simulation can be moved towards such other physics; amplitude 0 is the model. Amplitudes are
+estimated, with priors whose size follows from the data (:mod:`sysid.estimation.uncertainty.departure_scale`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypeAlias
@@ -29,13 +29,18 @@ LoadChanges: TypeAlias = Callable[[Sequence[str]], RunsByAxles]
 
 #: Kinds of departures: how the tire envelops the bump (0 for the chosen contact law, 1 for another one); size of the
 #: footprint (logarithm of the factor on the tire stiffness for which it is computed); stiffening of single spokes
-#: (exponent in addition to that of the law); tire stiffness in a further load case, and friction over the carried load
-#: (logarithms).
-ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD, FRICTION = "envelope", "footprint", "spokes", "tire_load", "friction"
+#: (exponent in addition to that of the law); tire stiffness in a further load case (logarithm); friction over the
+#: carried load; compliance of the rubber bushings in series with an axle's dampers [mm/kN].
+ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD = "envelope", "footprint", "spokes", "tire_load"
+FRICTION, BUSHING = "friction", "bushing"
+#: Kinds whose amplitudes are not negative: friction that pushes, and rubber that pushes back, do not exist.
+ONE_SIDED = (FRICTION, BUSHING)
+#: Amplitude in SI units: mm/kN in m/N.
+_COMPLIANCE = 1e-6
 #: No draw of a vehicle departs further than this, two to three and a third times the scale that is plausible without
 #: data (:data:`sysid.estimation.uncertainty.departure_scale.PLAUSIBLE`): an assumption, as a
 #: direction holds near the model only.
-REACH = {ENVELOPE: 2.0, FOOTPRINT: 0.5, SPOKES: 0.5, TIRE_LOAD: 0.3, FRICTION: 0.1}
+REACH = {ENVELOPE: 2.0, FOOTPRINT: 0.5, SPOKES: 0.5, TIRE_LOAD: 0.3, FRICTION: 0.1, BUSHING: 0.8}
 #: Steps of log stiffness and of the spokes' exponent from which the directions of contact are differences.
 _SOFTER, _STIFFENING = 0.1, 0.1
 #: Slip length of friction that the model does not have: that of the friction law, an assumption.
@@ -93,24 +98,34 @@ class Departures:
         return by_pass
 
     def laws(self, inputs: LawInputs, amplitudes: np.ndarray, load_cases: Sequence[str]) -> LawInputs:
-        """Law inputs of passes moved along the directions of tires and friction."""
+        """Law inputs of passes moved along the directions of tires, friction and bushings."""
         stiffer = np.exp(self.spread(TIRE_LOAD, amplitudes, load_cases))[..., None]
-        rubbing = np.maximum(self.spread(FRICTION, amplitudes, load_cases)[0], 0.0)
-        moved = inputs._replace(tire_factor=stiffer)
+        values = self._friction(amplitudes, load_cases) | self._bushings(amplitudes, load_cases)
+        elements, none = dict(inputs.elements), np.full(len(self.roads.vehicle.axles), -1)
+        for quantity, value in values.items():
+            elements[quantity] = elements.get(quantity, ElementIndex(none, value))._replace(neutral=value)
+        return inputs._replace(tire_factor=stiffer, elements=elements)
+
+    def _friction(self, amplitudes: np.ndarray, load_cases: Sequence[str]) -> dict[str, np.ndarray]:
+        """Quantities (na,) of friction on axles whose laws have none; empty where all have."""
         if not any(d.kind == FRICTION for d in self.directions):
-            return moved
+            return {}
+        rubbing = np.maximum(self.spread(FRICTION, amplitudes, load_cases)[0], 0.0)
         vehicle, first = self.roads.vehicle, next(iter(self.roads.load_cases.values()))
         carried = (
             carried_by_suspensions(vehicle)
             @ (np.array(first.axle_loads_kg) - vehicle.unsprung_mass_kg)
             * vehicle.gravity_m_s2
         )
-        elements = dict(inputs.elements)
-        none = np.full(carried.size, -1)
-        force, slip = (elements.get(name, ElementIndex(none, 0.0 * carried)) for name in ("friction", "slip_length"))
-        elements["friction"] = force._replace(neutral=rubbing * carried)
-        elements["slip_length"] = slip._replace(neutral=np.full(carried.size, _SLIP_M))
-        return moved._replace(elements=elements)
+        return {"friction": rubbing * carried, "slip_length": np.full(carried.size, _SLIP_M)}
+
+    def _bushings(self, amplitudes: np.ndarray, load_cases: Sequence[str]) -> dict[str, np.ndarray]:
+        """Stiffness (na,) [N/m] of bushings on axles whose laws have none, infinite where they do not give way."""
+        compliance = _COMPLIANCE * np.maximum(self.spread(BUSHING, amplitudes, load_cases)[0], 0.0)
+        if not compliance.any():
+            return {}
+        with np.errstate(divide="ignore"):
+            return {"bushing_stiffness": 1.0 / compliance}
 
     @property
     def per_load(self) -> float:
@@ -164,7 +179,7 @@ class Departures:
         return replace(self.on_same_roads(model, amplitudes), roads=tuple(roads))
 
     def on_same_roads(self, model: BumpModel, amplitudes: np.ndarray) -> BumpModel:
-        """The model of bump runs moved along the directions of tires and friction by `amplitudes`, (n,)."""
+        """The model of bump runs moved along the directions of tires and suspensions by `amplitudes`, (n,)."""
         of_groups = zip(model.arrays, model.passes, strict=True)
         arrays = (
             old._replace(laws=self.laws(old.laws, amplitudes, [p.load_case for p in passes]))
@@ -218,8 +233,15 @@ class BlendedRoad:
         return base._replace(rise=sum_of("rise"), stretch=sum_of("stretch"), drag=sum_of("drag"))
 
 
-def departures(roads: EffectiveRoads, used_cases: Sequence[str], rubbing: Sequence[bool]) -> Departures:
-    """Directions of a vehicle in the load cases in use; `rubbing` (axles,) says which laws have friction already."""
+def departures(
+    roads: EffectiveRoads, used_cases: Sequence[str], modelled: Collection[tuple[str, int]] = ()
+) -> Departures:
+    """Directions of a vehicle in the load cases in use.
+
+    Parameters
+    ----------
+    modelled : kinds and axles of what is no departure, because the law of the axle has it or is compared for it.
+    """
     axles = range(len(roads.vehicle.axles))
     first = next(iter(roads.load_cases))
     directions = [Departure(kind, i, case) for kind in (ENVELOPE, FOOTPRINT) for case in used_cases for i in axles]
@@ -227,7 +249,7 @@ def departures(roads: EffectiveRoads, used_cases: Sequence[str], rubbing: Sequen
     # Other contact laws have no spokes.
     directions += [Departure(SPOKES, i) for i in axles if CONTACT_LAWS[roads.contact].follows_tires]
     suspended = sorted(set(roads.vehicle.suspension_axle))
-    directions += [Departure(FRICTION, i) for i in suspended if not rubbing[i]]
+    directions += [Departure(kind, i) for kind in ONE_SIDED for i in suspended if (kind, i) not in modelled]
     common = [Departure(kind, None) for kind in dict.fromkeys(d.kind for d in directions)]
     return Departures(roads, (*directions, *common))
 

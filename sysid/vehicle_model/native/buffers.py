@@ -17,6 +17,7 @@ import numpy as np
 
 from sysid.vehicle_model.contact import CELL_POLYNOMIAL, NO_DEFLECTION, SOFT_DAMPING
 from sysid.vehicle_model.suspension import ELEMENT_FIELDS, REFERENCE_RATE_M_S, SHORTEST
+from sysid.vehicle_model.suspension_states import LONGEST, SMALL_CHANGE_M_S
 
 #: Numbers of body coordinates that the kernel is compiled for, and the most axles it takes.
 COORDINATES = range(3, 9)
@@ -41,6 +42,8 @@ CONSTANTS: dict[str, int | float] = {
     "kMotionNumbers": MOTION_NUMBERS,
     "kReferenceRate": REFERENCE_RATE_M_S,
     "kShortest": SHORTEST,
+    "kLongest": LONGEST,
+    "kSmallChange": SMALL_CHANGE_M_S,
     "kSoftDamping": SOFT_DAMPING,
     "kNoDeflection": NO_DEFLECTION,
 }

@@ -129,7 +129,7 @@ class Step {
 
   // The first stage: forces at the start, where wheels rest in the lanes `resting`.
   void begin(const PointFor<M>* road, double time, const State<V, NB>& at, const Where<M>& resting) {
-    forces<V, M, NB>(run_, laws_, road, time, at, at.slip, nullptr, stage_[0]);
+    forces<V, M, NB>(run_, laws_, road, time, at, at.inner, nullptr, stage_[0]);
     hold(resting, stage_[0]);
   }
 
@@ -140,24 +140,25 @@ class Step {
     const double h = h_, half = half_;
     Forces<V, NB>&first = stage_[0], &second = stage_[1], &third = stage_[2], &fourth = stage_[3];
     State<V, NB>& trial = trial_[0];
-    const StageOfStep<V> at_middle{half, first.extension, first.rate}, at_end{h, first.extension, first.rate};
+    const StageOfStep<V> at_middle{half, first.extension, first.rate, nullptr, nullptr},
+        at_end{h, first.extension, first.rate, second.rate, third.rate};
     plus(NB, at.body, half, at.body_rate, trial.body);
     plus(NB, at.body_rate, half, first.body, trial.body_rate);
     plus(na, at.axle, half, at.axle_rate, trial.axle);
     plus(na, at.axle_rate, half, first.axle, trial.axle_rate);
-    forces<V, M, NB>(run_, laws_, middle, time + half, trial, at.slip, &at_middle, second);
+    forces<V, M, NB>(run_, laws_, middle, time + half, trial, at.inner, &at_middle, second);
     hold(resting, second);
     plus(NB, at.body, half, at.body_rate, half * half, first.body, trial.body);
     plus(NB, at.body_rate, half, second.body, trial.body_rate);
     plus(na, at.axle, half, at.axle_rate, half * half, first.axle, trial.axle);
     plus(na, at.axle_rate, half, second.axle, trial.axle_rate);
-    forces<V, M, NB>(run_, laws_, middle, time + half, trial, at.slip, &at_middle, third);
+    forces<V, M, NB>(run_, laws_, middle, time + half, trial, at.inner, &at_middle, third);
     hold(resting, third);
     plus(NB, at.body, h, at.body_rate, h * half, second.body, trial.body);
     plus(NB, at.body_rate, h, third.body, trial.body_rate);
     plus(na, at.axle, h, at.axle_rate, h * half, second.axle, trial.axle);
     plus(na, at.axle_rate, h, third.axle, trial.axle_rate);
-    forces<V, M, NB>(run_, laws_, end, time + h, trial, at.slip, &at_end, fourth);
+    forces<V, M, NB>(run_, laws_, end, time + h, trial, at.inner, &at_end, fourth);
     hold(resting, fourth);
 
     advance(NB, h, first.body, second.body, third.body, fourth.body, at.body, at.body_rate);
@@ -175,13 +176,21 @@ class Step {
         at.body_rate[j] += h * missed_.body[j];
       }
     }
-    if (!run_.elements.friction) return;
+    if (!run_.elements.friction && !run_.elements.damper_bushing) return;
     V extension[kMaxAxles], rate[kMaxAxles];
     above_axles<NB>(run_.position, na, at.body, at.axle, extension);
     above_axles<NB>(run_.position, na, at.body_rate, at.axle_rate, rate);
-    for (int i = 0; i < na; ++i)
-      at.slip[i] = slip_after_step(laws_.suspension[i], at.slip[i], first.extension[i], first.rate[i], extension[i],
-                                   rate[i], h);
+    for (int i = 0; i < na; ++i) {
+      const SuspensionLaw<V>& law = laws_.suspension[i];
+      const V &e0 = first.extension[i], &v0 = first.rate[i];
+      if (run_.elements.friction)
+        at.inner.slip[i] = slip_after_step(law, at.inner.slip[i], e0, v0, extension[i], rate[i], h);
+      if (!run_.elements.damper_bushing) continue;
+      // The rate's parabola through both ends whose mean is that of the step.
+      const V bend = 3.0 * (v0 + rate[i]) - (6.0 / h) * (extension[i] - e0);
+      at.inner.damper_rate[i] =
+          followed(run_.elements, law, at.inner.damper_rate[i], v0, rate[i] - v0 - bend, bend, h);
+    }
   }
 
   // Forces at the start, known after `begin`.

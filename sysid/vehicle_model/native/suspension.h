@@ -22,8 +22,8 @@ struct Elements : SmoothElements {
   bool linear() const { return !any() && !corners(); }
 };
 
-// pull = S(e) + F_c phi + D(v) + stops(e), positive when it pulls body and axle together; e extension from rest, v its
-// rate.
+// pull = S(e) + F_c phi + D(u) + stops(e), positive when it pulls body and axle together; e extension from rest, u the
+// rate of the damper, which in bushings is less than that of the extension.
 template <class V>
 struct SuspensionLaw {
   V stiffness, damping;                // k [N/m], c [N s/m]
@@ -34,6 +34,7 @@ struct SuspensionLaw {
   V common_curvature;                  // what both directions have of the curvature
   V friction, per_slip;                // F_c [N], 1/z_s [1/m]
   V load_share;                        // s of a rocker between springs
+  V compliance;                        // 1/k_b of a damper's bushings [m/N]
   std::vector<Ramp<V>> ramps, stops, rate_ramps;
 };
 
@@ -86,6 +87,52 @@ inline V add_damper(const Elements& has, const SuspensionLaw<V>& law, const V& r
   const V symmetric = symmetric_damper(has, law, rate);
   pull += damper_force(has, law, rate, symmetric);
   return symmetric;
+}
+
+// Slope dD/dv of a damper at its rate; at a corner, that of higher rates.
+template <class V>
+inline V damper_slope(const Elements& has, const SuspensionLaw<V>& law, const V& rate) {
+  V slope = law.damping;
+  if (has.saturating) {
+    // d/dv of v / sqrt(g), g = 1 + 2 b x + x^2 and x = |v| / v_s, is (1 + b x) / g^1.5.
+    const V relative = absolute(rate) * law.per_saturation;
+    const V root = reciprocal_root(1.0 + relative * (2.0 * law.rounding + relative));
+    slope = law.scaled * (law.tail + law.falling * (1.0 + law.rounding * relative) * (root * root * root));
+  }
+  if (has.asymmetric) slope = slope * select(value(rate) >= 0.0, law.rebound, law.compression);
+  if (has.rate_ramps > 0)
+    for (const Ramp<V>& ramp : law.rate_ramps)
+      slope += select(ramp.side * (value(rate) - value(ramp.at)) > 0.0, ramp.slope, V{});
+  return slope;
+}
+
+// u(1) of lag u' = v + linear s + bend s^2 - u from u(0): the part that follows v, and its remainder.
+template <class V>
+inline V relaxed(const V& lag, const V& u, const V& v, const V& linear, const V& bend) {
+  const V shortest = constant_row<V>(1.0 / kLongest - Scalar<V>{});
+  const V left = exponential(-reciprocal(select(value(lag) > 1.0 / kLongest, lag, shortest)));
+  const V curved = lag * (2.0 * bend);
+  const V started = v - lag * (linear - curved);
+  return v + linear + bend - lag * (linear + 2.0 * bend - curved) + (u - started) * left;
+}
+
+// Rate of a damper in bushings after `tau` along the suspension's rate v + linear s + bend s^2, s from 0 to 1: with the
+// slope of its curve where the step begins, and then with the chord from there to where that leads. The force changes by
+// the chord times the change of u; u is the rate on the curve at that force, by one step of Newton.
+template <class V>
+inline V followed(const Elements& has, const SuspensionLaw<V>& law, const V& u, const V& v, const V& linear,
+                  const V& bend, double tau) {
+  const V steep = damper_slope(has, law, u), per_slope = (1.0 / tau) * law.compliance;
+  const V first = relaxed(per_slope * steep, u, v, linear, bend);
+  if (!has.saturating && !has.asymmetric && has.rate_ramps == 0) return first;
+  const V change = first - u, one = constant_row<V>(Scalar<V>{} + 1.0);
+  const auto moves = absolute(value(change)) > kSmallChange;
+  const V there = damper_force(has, law, first, symmetric_damper(has, law, first));
+  const V here = damper_force(has, law, u, symmetric_damper(has, law, u));
+  const V slope = select(moves, (there - here) / select(moves, change, one), steep);
+  const V second = relaxed(per_slope * slope, u, v, linear, bend);
+  const V missed = here + slope * (second - u) - damper_force(has, law, second, symmetric_damper(has, law, second));
+  return second + missed / damper_slope(has, law, second);
 }
 
 // phi after the extension changes in one direction (Dahl): s + (phi - s) exp(-|change| / z_s), s = sgn(change).
@@ -158,6 +205,7 @@ inline SuspensionLaw<V> suspension_law(const Elements& has, const Coefficients<V
   law.friction = c.friction;
   law.per_slip = reciprocal(c.slip);
   law.load_share = c.load_share;
+  law.compliance = c.compliance;
   return law;
 }
 
@@ -196,8 +244,8 @@ struct MissedForce {
   }
 };
 
-// What the stages miss at the corners of a law beside its spring: stops and damper, whose symmetric part `damper` has
-// been found by the stages.
+// What the stages miss at the corners of a law beside its spring: stops and damper, whose rate and symmetric part
+// `damper` have been found by the stages.
 template <class V>
 inline void add_missed(const Elements& has, const SuspensionLaw<V>& law, const V (&extension)[4], const V (&rate)[4],
                        const V (&damper)[4], MissedForce<V>& missed) {

@@ -80,11 +80,18 @@ struct Laws {
   std::vector<Pack> reference_load;   // [N], lanes are axles
 };
 
-// Positions and rates of body and unsprung coordinates, and friction states.
+// States inside suspensions: phi of friction, and the rate of dampers in bushings [m/s].
+template <class V>
+struct Inner {
+  V slip[kMaxAxles], damper_rate[kMaxAxles];
+};
+
+// Positions and rates of body and unsprung coordinates, and states inside suspensions.
 template <class V, int NB>
 struct State {
   V body[NB], body_rate[NB];
-  V axle[kMaxAxles], axle_rate[kMaxAxles], slip[kMaxAxles];
+  V axle[kMaxAxles], axle_rate[kMaxAxles];
+  Inner<V> inner;
 };
 
 // Accelerations and forces of one stage; extension and its rate at unsprung coordinates; rates of the body where they are
@@ -93,7 +100,8 @@ template <class V, int NB>
 struct Forces {
   V body[NB], body_rate[NB];
   V axle[kMaxAxles], unclipped[kMaxAxles], horizontal[kMaxAxles], pull[kMaxAxles], extension[kMaxAxles],
-      rate[kMaxAxles], damper[kMaxAxles];  // the last: of the symmetric damper
+      rate[kMaxAxles], damper[kMaxAxles], damper_rate[kMaxAxles];  // of the symmetric damper, and of dampers in bushings
+  const V& of_damper(const Elements& has, int i) const { return has.damper_bushing ? damper_rate[i] : rate[i]; }
 };
 
 // Where each wheel is: how far it is ahead of the looked-up road, its forward speed, its rise and rate of rise.
@@ -269,19 +277,23 @@ inline void share(const Run<M>& run, const Laws<V>& laws, V* force) {
   for (int i = 0; i < run.axles; ++i) force[i] += laws.suspension[i].load_share * (mean[i] - force[i]);
 }
 
-// Where in a step a stage stands, for friction: time from its start, and extension and rate there.
+// Where in a step a stage stands, for states inside suspensions: time from its start, extension and rate there, and rates
+// at both stages in the middle, null for these.
 template <class V>
 struct StageOfStep {
   double tau;
-  const V *extension, *rate;
+  const V *extension, *rate, *second, *third;
+  V bend(int i, const V& now) const {
+    return second == nullptr ? V{} : 2.0 * (rate[i] + now - second[i] - third[i]);
+  }
 };
 
 // Accelerations and forces in a state:
 //   axles: m_u z'' = V - static load + pull,      bodies: b'' = A [pull; H] - M^-1 (tilt b + hold b').
-// `stage` is null at the start of a step, where the friction state is the step's own.
+// `stage` is null at the start of a step, where the states inside suspensions are the step's own, `inner`.
 template <class V, class M, int NB>
 void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, double time, const State<V, NB>& state,
-            const V* slip, const StageOfStep<V>* stage, Forces<V, NB>& out) {
+            const Inner<V>& inner, const StageOfStep<V>* stage, Forces<V, NB>& out) {
   const int na = run.axles;
   const bool beams = run.beams.wheel != nullptr;
   if (run.rate_rows != nullptr)
@@ -333,9 +345,9 @@ void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, dou
     out.pull[i] = spring_force(run.elements, law, out.extension[i]);
     if (!run.elements.friction) continue;
     if (stage == nullptr)
-      out.pull[i] += law.friction * slip[i];
+      out.pull[i] += law.friction * inner.slip[i];
     else
-      out.pull[i] += law.friction * slip_at_stage(law, slip[i], stage->extension[i], stage->rate[i], stage->tau,
+      out.pull[i] += law.friction * slip_at_stage(law, inner.slip[i], stage->extension[i], stage->rate[i], stage->tau,
                                                   out.extension[i]);
   }
   if (run.elements.equaliser) share(run, laws, out.pull);
@@ -345,7 +357,13 @@ void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, dou
     if (linear) {
       pull += law.damping * out.rate[i];
     } else {
-      out.damper[i] = add_damper(run.elements, law, out.rate[i], pull);
+      if (run.elements.damper_bushing && stage == nullptr) out.damper_rate[i] = inner.damper_rate[i];
+      if (run.elements.damper_bushing && stage != nullptr) {
+        const V bend = stage->bend(i, out.rate[i]), linear = out.rate[i] - stage->rate[i] - bend;
+        out.damper_rate[i] =
+            followed(run.elements, law, inner.damper_rate[i], stage->rate[i], linear, bend, stage->tau);
+      }
+      out.damper[i] = add_damper(run.elements, law, out.of_damper(run.elements, i), pull);
       if (run.elements.stops > 0) pull += ramp_force(law.stops, out.extension[i]);
     }
     if (beams) pull = run.beams.carries[i] * pull;
@@ -391,7 +409,10 @@ void find_missed(const Run<M>& run, const Laws<V>& laws, const std::vector<Force
   }
   if (run.elements.corners()) {
     const auto at_stages = [&](int i, V(&extension)[4], V(&rate)[4]) {
-      for (int k = 0; k < 4; ++k) extension[k] = stage[k].extension[i], rate[k] = stage[k].rate[i];
+      for (int k = 0; k < 4; ++k) {
+        extension[k] = stage[k].extension[i];
+        rate[k] = stage[k].of_damper(run.elements, i);
+      }
     };
     V extension[4], rate[4], damper[4];
     for (int i = 0; i < na; ++i) {
