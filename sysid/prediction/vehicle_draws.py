@@ -113,7 +113,7 @@ def drawn_vehicles(
             of_draw = replace(batch, matrices=pass_matrices(load_case_matrices(vehicle, cases, [driven]), [driven], []))
             matrices.append(of_draw.matrices)
             inputs = law_inputs(vehicle, parameters, of_draw, [driven.load_case])
-            inputs = departures.laws(inputs, amplitudes, [driven.load_case])
+            inputs = departures.laws(inputs, amplitudes, [driven.load_case], all_elements=True)
             laws.append(inputs if vehicles.stops is None else vehicles.stops.on(inputs, int(draw)))
             roads.append(vehicles.allowances.road([driven], vehicles.amounts[draw]))
         stacked = jax.tree.map(lambda *parts: runs_side_by_side(parts), *matrices)

@@ -18,7 +18,7 @@ from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.uncertainty.allowances import Allowances
-from sysid.estimation.uncertainty.departures import Departures
+from sysid.estimation.uncertainty.departures import BUSHING, Departure, Departures
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.prediction.predict_passes import predict, predict_pass
@@ -85,6 +85,24 @@ def test_peaks_are_over_the_load_that_was_weighed_and_what_is_dynamic_over_the_o
     np.testing.assert_allclose(found.load_coefficient.q50, plain.load_coefficient.q50, rtol=0.03)
     # It comes to rest again, at a weight that is not the one on the scale.
     assert not [w for w in found.warnings if "at rest again" in w]
+
+
+def test_bushings_that_give_way_in_some_of_the_draws_only():
+    """Each of both against a prediction of its own."""
+    data = made()
+    parameters, roads = campaign_parameters(data, None), felt(data)
+    known = Departures(roads, tuple(Departure(BUSHING, i) for i in range(3)))
+    allowances = Allowances(uncertain_masses(data), known)
+    amounts = np.zeros((2, allowances.count))
+    amounts[1, -3:] = 0.3
+    x = np.tile(parameters.start, (2, 1))
+    together = predict_pass(data, parameters, roads, REQUEST, x, VehicleDraws(allowances, amounts))
+    own = [
+        predict_pass(data, parameters, roads, REQUEST, x[:1], VehicleDraws(allowances, a[None])).peak_ratio_q50
+        for a in amounts
+    ]
+    np.testing.assert_allclose(together.peak_ratio_q50, np.median(own, axis=0), rtol=1e-9)
+    assert np.abs(own[1] / own[0] - 1.0).max() > 1e-3
 
 
 def test_vehicles_with_a_beam():

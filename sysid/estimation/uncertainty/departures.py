@@ -97,10 +97,18 @@ class Departures:
                 by_pass[affected, direction.axle] = min(max(value, -REACH[kind]), REACH[kind])
         return by_pass
 
-    def laws(self, inputs: LawInputs, amplitudes: np.ndarray, load_cases: Sequence[str]) -> LawInputs:
-        """Law inputs of passes moved along the directions of tires, friction and bushings."""
+    def laws(
+        self, inputs: LawInputs, amplitudes: np.ndarray, load_cases: Sequence[str], *, all_elements: bool = False
+    ) -> LawInputs:
+        """Law inputs of passes moved along the directions of tires, friction and bushings.
+
+        Bushings that do not give way are left out, because they take time; with `all_elements` all vehicles have them.
+        """
         stiffer = np.exp(self.spread(TIRE_LOAD, amplitudes, load_cases))[..., None]
-        values = self._friction(amplitudes, load_cases) | self._bushings(amplitudes, load_cases)
+        values = self._friction(amplitudes, load_cases)
+        bushings = self._bushings(amplitudes, load_cases)
+        if all_elements or np.isfinite(bushings).any():
+            values["bushing_stiffness"] = bushings
         elements, none = dict(inputs.elements), np.full(len(self.roads.vehicle.axles), -1)
         for quantity, value in values.items():
             elements[quantity] = elements.get(quantity, ElementIndex(none, value))._replace(neutral=value)
@@ -119,13 +127,11 @@ class Departures:
         )
         return {"friction": rubbing * carried, "slip_length": np.full(carried.size, _SLIP_M)}
 
-    def _bushings(self, amplitudes: np.ndarray, load_cases: Sequence[str]) -> dict[str, np.ndarray]:
+    def _bushings(self, amplitudes: np.ndarray, load_cases: Sequence[str]) -> np.ndarray:
         """Stiffness (na,) [N/m] of bushings on axles whose laws have none, infinite where they do not give way."""
         compliance = _COMPLIANCE * np.maximum(self.spread(BUSHING, amplitudes, load_cases)[0], 0.0)
-        if not compliance.any():
-            return {}
         with np.errstate(divide="ignore"):
-            return {"bushing_stiffness": 1.0 / compliance}
+            return np.asarray(1.0 / compliance)
 
     @property
     def per_load(self) -> float:
