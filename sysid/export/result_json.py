@@ -54,7 +54,10 @@ def result_document(results: Results) -> dict[str, Any]:
         "rockers": _rockers(results),
         "verdict": None
         if results.judgement is None
-        else {"trust": results.judgement.trust, "reasons": list(results.judgement.reasons)},
+        else {
+            key: value if isinstance(value, str) else list(value) for key, value in asdict(results.judgement).items()
+        },
+        "parts": [asdict(d) | {"seen": d.seen} for d in (() if results.fit is None else results.fit.parts)],
         "versions": {str(k): str(v) for k, v in provenance.get("versions", {}).items()},
         "quality": _quality(results),
         "test": asdict(results.campaign.details),

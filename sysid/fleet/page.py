@@ -71,7 +71,7 @@ def render_fleet(
     states = state_counts(rows)
     problems = [row for row in rows if row.state != "done"]
     doubtful = [row for row in rows if verdicts.get(row.campaign, ("", ""))[0] in FORBIDDING]
-    careful = [row for row in rows if verdicts.get(row.campaign, ("", ""))[0] == "with_care"]
+    careful = [row for row in rows if verdicts.get(row.campaign, ("", ""))[0] == "use_within"]
     preview = any(row.outcome is not None and row.outcome.status == "preview" for row in rows)
     content = {
         "title": results.fleet.title,
@@ -86,7 +86,7 @@ def render_fleet(
             for caption, some in (
                 ("Campaigns that are not done", problems),
                 ("Campaigns on whose numbers nobody should bet", doubtful),
-                ("Campaigns to use with care", careful),
+                ("Campaigns to use within limits", careful),
             )
             if some
         ],

@@ -43,7 +43,7 @@ TABLES: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "warnings": ("int64", "number of warnings"),
         "warning": ("string", "the first warning"),
         "folder": ("string", "folder of the results, relative to that of the fleet"),
-        "verdict": ("string", "verdict of the campaign in result.json: use, with_care, do_not_bet or not_yet"),
+        "verdict": ("string", "verdict of the campaign in result.json: use, use_within, do_not_bet or not_yet"),
         "verdict_reason": ("string", "the first reason of the verdict"),
     },
     "parameters": {
@@ -67,7 +67,7 @@ TABLES: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "rhat": ("double", "R-hat"),
         "prior_median": ("double", "median of the prior"),
         "prior_log_sd": ("double", "standard deviation of the logarithm under the prior"),
-        "verdict": ("string", "verdict of the campaign in result.json: use, with_care, do_not_bet or not_yet"),
+        "verdict": ("string", "verdict of the campaign in result.json: use, use_within, do_not_bet or not_yet"),
     },
     "draws": {
         "campaign": ("string", "campaign"),
@@ -87,7 +87,7 @@ TABLES: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "q95": ("double", "95 %"),
         "lift_off": ("bool", "whether the wheel leaves the road"),
         "beyond_driven": ("int64", "number of quantities beyond what the runs reached"),
-        "verdict": ("string", "verdict of the campaign in result.json: use, with_care, do_not_bet or not_yet"),
+        "verdict": ("string", "verdict of the campaign in result.json: use, use_within, do_not_bet or not_yet"),
         "shape": ("string", "bump that is crossed, null in results of earlier versions"),
         "shape_sha256": ("string", "hash of its profile, equal for equal profiles"),
     },

@@ -110,6 +110,7 @@ def _calibration(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
         "advice": knowledge.advice_table(results),
         "advice_pictures": figures.advice_pictures(results, gallery),
         "laws": tables.law_table(results),
+        "parts_table": tables.parts_table(results),
         "contacts": tables.contact_table(results),
         "loop_pictures": figures.loop_pictures(results, gallery),
         "modes": tables.modes_table(modes),

@@ -20,6 +20,7 @@ from sysid.results import Results
 if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.parameters.estimate import ParameterEstimate
+    from sysid.estimation.uncertainty.part_agreement import PartDifference
     from sysid.posterior.sampled_posterior import Posterior
     from sysid.vehicle_model.vibration_modes import NaturalModes
 
@@ -228,6 +229,27 @@ def law_table(results: Results) -> Table | None:
         rows.append([laws, str(t.parameters), number(t.misfit, 2), number(t.gain), chosen])
     head = ("suspension laws", "parameters", "residual / noise", "gain in the criterion", "chosen")
     return table(f"Suspension laws tried; a gain of more than {DECISIVE:g} decides", head, rows, text_columns=1)
+
+
+def parts_table(results: Results) -> Table | None:
+    """Differences of k and c between parts of the data, one column per division of them; None without any."""
+    differences = () if results.fit is None else results.fit.parts
+    if not differences:
+        return None
+    divisions = list(dict.fromkeys((d.part, d.rest) for d in differences))
+    cells = {(d.parameter, d.part): d for d in differences}
+    rows = [
+        [name, *(_difference_cell(cells[name, part]) for part, _ in divisions)]
+        for name in dict.fromkeys(d.parameter for d in differences)
+    ]
+    head = ("parameter", *(f"{part} against {rest} [%]" for part, rest in divisions))
+    return table(
+        "k and c by parts of the data, with standard deviations; * more than chance", head, rows, text_columns=1
+    )
+
+
+def _difference_cell(d: PartDifference) -> str:
+    return f"{100.0 * d.difference:+.1f} ± {100.0 * d.sd:.1f}" + (" *" if d.seen else "")
 
 
 def contact_table(results: Results) -> Table | None:

@@ -15,7 +15,7 @@ from sysid.results.judgement import judge, relative_half_width, unidentified_val
 
 Tone = Literal["good", "caution", "stop"]
 
-_TONE: dict[Trust, Tone] = {"use": "good", "with_care": "caution", "do_not_bet": "stop", "not_yet": "stop"}
+_TONE: dict[Trust, Tone] = {"use": "good", "use_within": "caution", "do_not_bet": "stop", "not_yet": "stop"}
 _QUANTITIES: tuple[tuple[Quantity, str, str], ...] = (
     ("stiffness", "Stiffness k", "kN/m"),
     ("damping", "Damping c", "kN\u00a0s/m"),
@@ -24,7 +24,7 @@ _QUANTITIES: tuple[tuple[Quantity, str, str], ...] = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """Badge, answer in a word or two, and the sentences under the three questions of the first screen."""
+    """Badge, answer in a word or two, the sentences under the three questions of the first screen, and `notes`."""
 
     tone: Tone
     badge: str
@@ -32,6 +32,7 @@ class Verdict:
     answer: str
     what: tuple[str, ...]
     use: tuple[str, ...]
+    notes: tuple[str, ...]
     todo: tuple[str, ...]
     synthetic: bool
 
@@ -46,6 +47,7 @@ def verdict(results: Results) -> Verdict:
         answer=answer_words(results, judgement),
         what=tuple(_what(results)),
         use=judgement.reasons,
+        notes=judgement.notes,
         todo=tuple(_todo(results, judgement)),
         synthetic=results.campaign.details.synthetic,
     )

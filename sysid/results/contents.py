@@ -30,18 +30,40 @@ if TYPE_CHECKING:
 
 Status = Literal["converged", "not_converged", "preview"]
 STATUSES: tuple[Status, ...] = ("converged", "not_converged", "preview")
-#: Whether numbers may be used: as they are, after reading the reasons, not as far as their intervals go, or not yet.
-Trust = Literal["use", "with_care", "do_not_bet", "not_yet"]
+#: Whether k and c may be used: as they are, within the limits that the reasons name, not as far as their intervals go,
+#: or not yet.
+Trust = Literal["use", "use_within", "do_not_bet", "not_yet"]
+#: What a reason for a verdict is about.
+ReasonKind = Literal[
+    "preview",
+    "not_converged",
+    "no_fit",
+    "parts_disagree",
+    "unexplained",
+    "sampler",
+    "undetermined",
+    "wide",
+    "undeclared_part",
+    "doubtful_input",
+    "not_sampled",
+    "none",
+]
 #: Those with which nobody should rely on the numbers and their intervals.
 FORBIDDING: tuple[Trust, ...] = ("do_not_bet", "not_yet")
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What everything that is written says of the results: `trust` and the sentences for it."""
+    """What everything that is written says of the results.
+
+    - `trust` in k and c, the `reasons` for it in sentences, and the kind of each, `kinds`;
+    - `notes`: what else to know, such as passes beyond the driven runs; it says nothing against k and c.
+    """
 
     trust: Trust
     reasons: tuple[str, ...]
+    kinds: tuple[ReasonKind, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def forbids(self) -> bool:

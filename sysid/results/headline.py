@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _ANSWERS: dict[Trust, str] = {
     "use": "Yes",
-    "with_care": "Yes, with care",
+    "use_within": "Yes, within limits",
     "do_not_bet": "Do not bet on them",
     "not_yet": "Not yet",
 }

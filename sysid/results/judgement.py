@@ -1,40 +1,58 @@
-"""Whether the numbers of all stages that have run may be used, and why: the verdict that every output carries."""
+"""Whether k and c of all stages that have run may be used, and why: the verdict that every output carries.
+
+What speaks against k and c is measured in k and c: parts of the data that disagree about them by more than chance
+(:mod:`sysid.estimation.uncertainty.part_agreement`).  How large residuals are over the noise says how good the sensors
+are as much as how good the model is, so it decides only where the parts are too few to tell.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
 
 from sysid.estimates.suspension_values import AxleEstimates, Estimate, Quantity, distinct
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.numbers import count, listing, number, percent
 from sysid.results import pass_limits
-from sysid.results.contents import Judgement, Results
+from sysid.results.contents import Judgement, ReasonKind, Results, Trust
 
 if TYPE_CHECKING:
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.uncertainty.identifiability import Identifiability
+    from sysid.estimation.uncertainty.part_agreement import PartDifference
 
 #: Half width of a 90 % interval, relative to the value, above which a parameter is called poorly known.
 WIDE = 0.2
+#: Most differences between parts that are named, the largest over what is accepted first.
+_NAMED = 3
 
 _SYMBOLS: tuple[tuple[Quantity, str], ...] = (("stiffness", "k"), ("damping", "c"))
 
 
+class Reason(NamedTuple):
+    """A reason for a verdict, by its kind and in a sentence."""
+
+    kind: ReasonKind
+    sentence: str
+
+
 def judge(results: Results) -> Judgement:
-    """Whether the numbers of all stages that have run may be used, and why; the severest reason decides.
+    """Whether k and c may be used, and why; the severest reasons decide.
 
     Warnings of what was left out of the data (rows, channels, runs) are no reasons: the intervals do without it.
     """
-    against, unexplained, cautions = _against(results), _unexplained(results), _cautions(results)
-    reasons = (*against, *unexplained, *cautions)
-    if against:
-        return Judgement("not_yet", reasons)
-    if unexplained:
-        return Judgement("do_not_bet", reasons)
-    if cautions:
-        return Judgement("with_care", reasons)
-    return Judgement("use", ("The calibration has converged and no check of this report found a problem.",))
+    notes = tuple(_notes(results))
+    levels: tuple[tuple[Trust, list[Reason]], ...] = (
+        ("not_yet", _against(results)),
+        ("do_not_bet", _unexplained(results)),
+        ("use_within", _limits(results)),
+    )
+    found = [reason for _, reasons in levels for reason in reasons]
+    trust: Trust = next((level for level, reasons in levels if reasons), "use")
+    if not found:
+        found = [Reason("none", "The calibration has converged, and parts of the data agree about k and c.")]
+    return Judgement(trust, tuple(r.sentence for r in found), tuple(r.kind for r in found), notes)
 
 
 def is_misfit(residual_over_noise: float) -> bool:
@@ -42,58 +60,124 @@ def is_misfit(residual_over_noise: float) -> bool:
     return math.isfinite(residual_over_noise) and round(residual_over_noise, 2) >= MISFIT
 
 
-def _against(results: Results) -> list[str]:
-    sentences = []
+def _against(results: Results) -> list[Reason]:
+    reasons = []
     # Least squares have a sentence of their own.
     no_fit = results.fit is not None and not results.fit.converged
     if results.status == "preview":
-        sentences.append("This is a preview with shortened sampling. Its intervals are not reliable.")
+        reasons.append(Reason("preview", "This is a preview with shortened sampling. Its intervals are not reliable."))
     elif results.status == "not_converged" and results.posterior is not None and not no_fit:
         why = results.posterior.message.rstrip(".")
-        sentences.append("The calibration has not converged" + (f": {why}." if why else "."))
+        sentence = "The calibration has not converged" + (f": {why}." if why else ".")
+        reasons.append(Reason("not_converged", sentence))
     if results.fit is None:
-        sentences.append(
+        sentence = (
             "The drop values are starting points: tires in series and coupled axles bias equations (1)–(3)."
             if results.drops is not None
             else "No stage that estimates k and c has run yet."
         )
+        reasons.append(Reason("no_fit", sentence))
     elif not results.fit.converged:
-        sentences.append(f"The least-squares fit did not converge: {results.fit.message.rstrip('.')}.")
-    return sentences
+        message = results.fit.message.rstrip(".")
+        reasons.append(Reason("not_converged", f"The least-squares fit did not converge: {message}."))
+    return reasons
 
 
-def _unexplained(results: Results) -> list[str]:
+def _unexplained(results: Results) -> list[Reason]:
     """Why values may be wrong by more than their intervals."""
-    sentences = _misfit(results)
+    reasons = []
+    if results.fit is not None:
+        if forbidding := [d for d in results.fit.parts if d.forbids]:
+            reasons.append(Reason("parts_disagree", _disagreement(forbidding)))
+        elif is_misfit(results.fit.misfit) and (untold := _untold(results)):
+            reasons.append(
+                Reason(
+                    "unexplained",
+                    f"The residuals are {number(results.fit.misfit, 2)} times the noise (median over channels): the "
+                    "truck does something that the model does not describe. The data are too few to tell what this "
+                    f"does to {listing(untold)}.",
+                )
+            )
     if results.posterior is not None:
-        sentences += results.posterior.against_intervals
-    return sentences
+        reasons += [Reason("sampler", w) for w in results.posterior.against_intervals]
+    return reasons
 
 
-def _misfit(results: Results) -> list[str]:
-    if results.fit is None or not is_misfit(results.fit.misfit):
-        return []
-    return [
-        f"Do not bet on these intervals: the residuals are {number(results.fit.misfit, 2)} times the noise (median "
-        "over channels). The truck does something that the model does not describe, and values may be wrong by "
-        "more than their intervals. The figures of measured and simulated signals show where."
+def _disagreement(differences: Iterable[PartDifference]) -> str:
+    """What parts of the data say of k and c, in a sentence."""
+    from sysid.estimation.uncertainty.part_agreement import ACCEPTED
+
+    order = sorted(differences, key=lambda d: -abs(d.difference) / ACCEPTED[d.quantity])
+    # The complement of a part says the same of the same parameter.
+    largest = list({d.parameter: d for d in reversed(order)}.values())[::-1][:_NAMED]
+    clauses = [
+        f"{_parameter_words(d)} {percent(abs(math.expm1(d.difference)))} "
+        f"{'higher' if d.difference > 0.0 else 'lower'} by {d.part} than by {d.rest} "
+        f"(chance alone: {percent(d.sd)})"
+        for d in largest
     ]
+    return (
+        f"Parts of the data disagree: {'; '.join(clauses)}. The truck does something that the model does not describe, "
+        "and values may be wrong by more than their intervals."
+    )
 
 
-def _cautions(results: Results) -> list[str]:
-    sentences = [] if results.fit is None else [*results.fit.proposals, *results.fit.doubts]
+def _parameter_words(d: PartDifference) -> str:
+    name, _, case = d.parameter.partition("[")
+    symbol, _, axle = name.partition("_")
+    return f"{symbol} of axle {axle}" + (f" ({case.rstrip(']')})" if case else "")
+
+
+def _untold(results: Results) -> list[str]:
+    """Names of fitted k and c for which no division of the data would show an error of the accepted size."""
+    from sysid.estimation.uncertainty.part_agreement import ACCEPTED
+
+    assert results.fit is not None
+    identified = {p.name for p in results.fit.parameters if p.identified}
+    best: dict[str, PartDifference] = {}
+    for d in results.fit.parts:
+        if d.parameter in identified and (d.parameter not in best or d.sd < best[d.parameter].sd):
+            best[d.parameter] = d
+    if not results.fit.parts:
+        return ["k and c"]
+    return [_parameter_words(d) for d in best.values() if d.least_seen > ACCEPTED[d.quantity]]
+
+
+def _limits(results: Results) -> list[Reason]:
+    """Within what k and c may be used: which values are not determined, and what they rest on that is in doubt."""
+    reasons = []
+    if results.fit is not None and results.posterior is None:
+        sentence = "The posterior has not been sampled: intervals come from the least-squares covariance."
+        reasons.append(Reason("not_sampled", sentence))
+    if results.fit is not None:
+        reasons += [Reason("undeclared_part", s) for s in results.fit.proposals]
+        reasons += [Reason("doubtful_input", s) for s in results.fit.doubts]
+        if widened := [d for d in results.fit.parts if d.seen and not d.forbids]:
+            sentence = _disagreement(widened).split(". ")[0]
+            reasons.append(Reason("parts_disagree", f"{sentence}. The intervals are widened by as much."))
     if results.quality is not None:
-        sentences += results.quality.contradictions
+        reasons += [Reason("doubtful_input", s) for s in results.quality.contradictions]
+    if names := unidentified_values(results):
+        sentence = f"The data do not determine {listing(names)}: these values repeat the prior."
+        reasons.append(Reason("undetermined", sentence))
+    if wide := _wide(results):
+        sentence = f"The 90\u00a0% interval is wider than \u00b1{percent(WIDE)} for {listing(wide)}."
+        reasons.append(Reason("wide", sentence))
+    return reasons
+
+
+def _notes(results: Results) -> list[str]:
+    """What else to know of the results."""
+    sentences = []
     if results.posterior is not None:
         sentences += [w for w in results.posterior.warnings if w not in results.posterior.against_intervals]
-    if results.fit is not None and results.posterior is None:
-        sentences.append("The posterior has not been sampled: intervals come from the least-squares covariance.")
-    if names := unidentified_values(results):
-        sentences.append(f"The data do not determine {listing(names)}: these values repeat the prior.")
     if results.fit is not None and results.fit.identifiability is not None:
         sentences += _undetermined(results.fit, results.fit.identifiability)
-    if wide := _wide(results):
-        sentences.append(f"The 90\u00a0% interval is wider than \u00b1{percent(WIDE)} for {listing(wide)}.")
+    if results.fit is not None and is_misfit(results.fit.misfit):
+        sentences.append(
+            f"The residuals are {number(results.fit.misfit, 2)} times the noise (median over channels): the model, not "
+            "the noise, limits the accuracy."
+        )
     if results.validation is not None and (rows := results.validation.channels):
         bad = [r for r in rows if is_misfit(r.residual_over_noise)]
         if bad:

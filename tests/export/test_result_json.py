@@ -27,8 +27,11 @@ def test_document_follows_the_schema(validator, results):
 
 
 def test_the_verdict_is_there_as_it_was_judged(validator):
-    document = result_document(replace(small_results(), judgement=Judgement("do_not_bet", ("The reason.",))))
-    assert document["verdict"] == {"trust": "do_not_bet", "reasons": ["The reason."]}
+    document = result_document(
+        replace(small_results(), judgement=Judgement("do_not_bet", ("Why.",), ("sampler",), ("Note.",)))
+    )
+    verdict = {"trust": "do_not_bet", "reasons": ["Why."], "kinds": ["sampler"], "notes": ["Note."]}
+    assert document["verdict"] == verdict
     validator.validate(document)
     assert result_document(small_results())["verdict"] is None
     document["verdict"]["trust"] = "perhaps"

@@ -129,7 +129,7 @@ def test_peaks_and_ratio_against_speed_come_back_with_pandas(tmp_path):
     np.testing.assert_allclose(table["load_coefficient_q50"], sweep.load_coefficient.q50.ravel(), rtol=1e-12)
 
 
-@pytest.mark.parametrize(("trust", "forbidden"), [("use", 0), ("with_care", 0), ("do_not_bet", 1), ("not_yet", 1)])
+@pytest.mark.parametrize(("trust", "forbidden"), [("use", 0), ("use_within", 0), ("do_not_bet", 1), ("not_yet", 1)])
 def test_tables_and_histories_carry_the_verdict(tmp_path, trust, forbidden):
     results = replace(small_results(), judgement=Judgement(trust, ("because",)))
     history, peaks, against = write_predictions(results, tmp_path)

@@ -187,7 +187,7 @@ def judged_fleet(fleet_folders, tmp_path, verdicts):
 
 VERDICTS = {
     "T1-1": {"trust": "do_not_bet", "reasons": ["Walkers are stuck <b>.", "More."]},
-    "T2-1": {"trust": "with_care", "reasons": ["Wide."]},
+    "T2-1": {"trust": "use_within", "reasons": ["Wide."]},
     "T3-1": None,
     "T4-1": {"trust": "<script>"},
 }
@@ -199,7 +199,7 @@ def test_the_tables_hold_the_verdict_of_every_campaign(fleet_folders: tuple[Path
     rows = {row.campaign: row for row in rows_on_disk(fleet, output)}
     of = {name: campaign_rows(rows[name], campaign_output(output, name), output) for name in ("T1-1", "T2-1", "T3-1")}
     for name, trust, reason in (
-        ("T1-1", "do_not_bet", "Walkers are stuck <b>."), ("T2-1", "with_care", "Wide."), ("T3-1", None, None),
+        ("T1-1", "do_not_bet", "Walkers are stuck <b>."), ("T2-1", "use_within", "Wide."), ("T3-1", None, None),
     ):  # fmt: skip
         (campaign,) = of[name]["campaigns"]
         assert (campaign["verdict"], campaign["verdict_reason"]) == (trust, reason)
@@ -222,7 +222,7 @@ def test_the_page_shows_the_verdicts_and_lists_those_that_forbid(
         for r in tables["Campaigns and their reports"].css("tbody tr")
     }
     assert {name: cells[4] for name, cells in listed.items() if name in VERDICTS} == {
-        "T1-1": "do not bet", "T2-1": "with care", "T3-1": "", "T4-1": "",
+        "T1-1": "do not bet", "T2-1": "use within", "T3-1": "", "T4-1": "",
     }  # fmt: skip
 
 
@@ -374,7 +374,7 @@ def test_one_or_two_trucks_have_a_page_too(tmp_path: Path, trucks: int) -> None:
 def test_one_sentence_about_many_campaigns_is_said_once(
     fleet_results: FleetResults, fleet_folders: tuple[Path, Path], tmp_path: Path
 ) -> None:
-    same = {"trust": "with_care", "reasons": ["The range of damper speeds is short."]}
+    same = {"trust": "use_within", "reasons": ["The range of damper speeds is short."]}
     names = [f"T{t}-{c}" for t in range(1, 7) for c in (1, 2)]
     output = judged_fleet(fleet_folders, tmp_path, dict.fromkeys(names, same))
     page = write_fleet_page(fleet_results, list(rows_on_disk(fleet_results.fleet, output)), output).read_text()

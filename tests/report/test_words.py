@@ -12,6 +12,7 @@ from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.parameters.rockers import LoadShare
 from sysid.estimation.parameters.undeclared_parts import UndeclaredFrame
 from sysid.estimation.uncertainty.identifiability import UndeterminedGroup
+from sysid.estimation.uncertainty.part_agreement import PartDifference
 from sysid.numbers import decimals, fixed, interval, listing, number, percent
 from sysid.prediction.trust import Extrapolation
 from sysid.report.figures import representative_run
@@ -39,6 +40,12 @@ def blameless():
     )
 
 
+def parts(difference, least_seen):
+    """One division of the data in which k of axle 1 differs, and one that tells less."""
+    known = PartDifference("the slower runs", "the other runs", "k_1", "stiffness", difference, 0.01, least_seen)
+    return known, replace(known, part="the deflections", rest="the other sensors", difference=0.0, least_seen=1.0)
+
+
 def test_nothing_against_it_is_a_yes():
     v = verdict(blameless())
     assert (v.tone, v.answer, v.badge, v.badge_tone) == ("good", "Yes", "CONVERGED", "good")
@@ -50,8 +57,21 @@ def test_nothing_against_it_is_a_yes():
     [
         ({}, "use", "Yes", False),
         # As after the stage `fit` alone.
-        ({"posterior": None, "status": "not_converged"}, "with_care", "Yes, with care", False),
+        ({"posterior": None, "status": "not_converged"}, "use_within", "Yes, within limits", False),
         ({"fit": replace(small_fit(), misfit=MISFIT)}, "do_not_bet", "Do not bet on them", True),
+        # Parts of the data would show what matters, and do not.
+        ({"fit": replace(small_fit(), misfit=MISFIT, parts=parts(0.0, 0.01))}, "use", "Yes", False),
+        (
+            {"fit": replace(small_fit(), misfit=MISFIT, parts=parts(0.0, 0.03))},
+            "do_not_bet",
+            "Do not bet on them",
+            True,
+        ),
+        # A difference by chance, one that is accepted, and one that is not.
+        ({"fit": replace(small_fit(), parts=parts(0.009, 0.01))}, "use", "Yes", False),
+        ({"fit": replace(small_fit(), parts=parts(-0.015, 0.01))}, "use_within", "Yes, within limits", False),
+        ({"fit": replace(small_fit(), parts=parts(-0.025, 0.01))}, "do_not_bet", "Do not bet on them", True),
+        ({"fit": replace(small_fit(), parts=parts(-0.025, 0.03))}, "use", "Yes", False),
         # Just below the limit, as it is printed, and where nothing is known.
         ({"fit": replace(small_fit(), misfit=MISFIT - 0.006)}, "use", "Yes", False),
         ({"fit": replace(small_fit(), misfit=math.nan)}, "use", "Yes", False),
@@ -64,6 +84,8 @@ def test_one_verdict_of_the_first_screen_and_of_the_files(change, trust, answer,
     judgement, screen = judge(results), verdict(results)
     assert (judgement.trust, judgement.forbids, screen.answer) == (trust, forbids, answer)
     assert judgement.reasons == screen.use
+    assert judgement.notes == screen.notes
+    assert len(judgement.kinds) == len(judgement.reasons)
     assert not (judgement.forbids and any("Take k and c" in step for step in screen.todo))
 
 
@@ -90,18 +112,14 @@ def with_pass_warning(sentence):
 @pytest.mark.parametrize(
     ("change", "trust", "sentence"),
     [
-        (with_fit(doubts=("An independent solver ends 3.0 standard deviations away.",)), "with_care", "solver ends 3"),
-        (with_posterior(warnings=("The posterior fits better than the optimum.",)), "with_care", "fits better than"),
+        (with_fit(doubts=("An independent solver ends 3.0 standard deviations away.",)), "use_within", "solver ends 3"),
         (with_posterior(against=("7 of 64 walkers are stuck.",)), "do_not_bet", "walkers are stuck"),
-        (with_groups(UndeterminedGroup(("stop_1", "k_1"), 1, "sum", 0.02)), "with_care", "stop_1 and k_1 are only"),
-        (with_groups(UndeterminedGroup(("stop_1",), 0, "none", math.nan)), "with_care", "do not determine stop_1"),
         # Tires are known from elsewhere.
         (with_groups(UndeterminedGroup(("kt_1", "kt_2"), 1, "sum", 0.02)), "use", "converged"),
         ({"quality": QualityReport((), ("x", "Drops are exchanged."), contradictions=("Drops are exchanged.",))},
-         "with_care", "Drops are exchanged"),
+         "use_within", "Drops are exchanged"),
         # A remark on the data that was dealt with.
         ({"quality": QualityReport((), ("20 rows are missing.",))}, "use", "converged"),
-        (with_pass_warning("No run crossed this bump: an extrapolation."), "with_care", "No run crossed"),
     ],
 )  # fmt: skip
 def test_what_fit_sampler_and_bookkeeping_warn_of_lowers_the_verdict(change, trust, sentence):
@@ -109,6 +127,31 @@ def test_what_fit_sampler_and_bookkeeping_warn_of_lowers_the_verdict(change, tru
     assert judgement.trust == trust
     (said,) = judgement.reasons
     assert sentence in said
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (with_posterior(warnings=("The posterior fits better than the optimum.",)), "fits better than"),
+        (with_groups(UndeterminedGroup(("stop_1", "k_1"), 1, "sum", 0.02)), "stop_1 and k_1 are only"),
+        (with_groups(UndeterminedGroup(("stop_1",), 0, "none", math.nan)), "do not determine stop_1"),
+        (with_pass_warning("No run crossed this bump: an extrapolation."), "No run crossed"),
+    ],
+)
+def test_what_says_nothing_against_k_and_c_is_a_note(change, sentence):
+    judgement = judge(with_estimates(replace(blameless(), **change)))
+    assert judgement.trust == "use"
+    (note,) = judgement.notes
+    assert sentence in note
+
+
+def test_a_disagreement_names_value_parts_and_chance():
+    found = replace(blameless(), fit=replace(small_fit(), parts=parts(-0.1, 0.03)))
+    judgement = judge(with_estimates(found))
+    (reason,) = judgement.reasons
+    assert judgement.kinds == ("parts_disagree",)
+    # exp(-0.1) - 1 = -9.5 %.
+    assert "k of axle 1 9.5\u00a0% lower by the slower runs than by the other runs (chance alone: 1.0\u00a0%)" in reason
 
 
 def test_a_value_that_repeats_its_prior_is_said_once():
@@ -140,15 +183,15 @@ def test_least_squares_that_did_not_converge_are_not_sampled_longer():
         ({"fit": small_fit(converged=False)}, "stop", "did not converge"),
         ({"fit": replace(small_fit(), undeclared_rockers=(ROCKER,))}, "caution", "Axles 1 and 2 behave as if a rocker"),
         ({"fit": replace(small_fit(), undeclared_frames=(FRAME,))}, "caution", "bends at 8.00 Hz"),
-        ({"fit": replace(small_fit(), misfit=MISFIT)}, "stop", "Do not bet on these intervals: the residuals are 1.3"),
-        ({"validation": small_results().validation}, "caution", "2 of 6 channel records"),
-        ({"predictions": small_results().predictions}, "caution", "tire deflection of axle 2 and lift-off of axle 2"),
+        ({"fit": replace(small_fit(), misfit=MISFIT)}, "stop", "The residuals are 1.3 times the noise"),
+        ({"validation": small_results().validation}, "good", "2 of 6 channel records"),
+        ({"predictions": small_results().predictions}, "good", "tire deflection of axle 2 and lift-off of axle 2"),
     ],
 )
 def test_each_reason_against_it_is_said(change, tone, sentence):
     v = verdict(with_estimates(replace(blameless(), **change)))
     assert v.tone == tone
-    assert any(sentence in s for s in v.use)
+    assert any(sentence in s for s in (*v.use, *v.notes))
 
 
 def test_values_that_repeat_the_prior_or_are_wide_are_named():
@@ -223,8 +266,8 @@ def test_what_a_pass_goes_beyond_is_said_once_with_its_axles():
     trust.append(Extrapolation("travel", 0, 0.05, 0.03))
     changed = replace(one, trust=tuple(trust))
     v = verdict(replace(results, predictions=replace(results.predictions, passes=(changed,))))
-    assert v.answer == "Yes, with care"
-    (said,) = v.use
+    assert v.answer == "Yes"
+    (said,) = v.notes
     assert "(empty, 48\u00a0km/h: speed, suspension travel of axle 1 and damper speed of every axle)" in said
     assert any("nearer to the extrapolated passes" in s for s in v.todo)
 

@@ -138,7 +138,7 @@ def _record(number: int, physics: str, *, hold: bool, linear: bool = True, laws:
     entries = [{"kind": k, "truth": 1.0, "reported": entry} for k in ("stiffness", "damping", "peak")]
     return {
         "number": number, "vehicle": "lowboy", "physics": physics, "linear": linear, "failed": None, "laws": list(laws),
-        "trust": "with_care", "entries": entries,
+        "trust": "use_within", "entries": entries,
     }  # fmt: skip
 
 
@@ -161,7 +161,7 @@ def test_tables_count_what_holds(tmp_path: Path) -> None:
     assert not holds(records[1]["entries"][0])
     text = tables(records)
     assert "| k | 3 | 33 % | 2.2 % | 10.0 % | 10.0 % |" in text
-    assert "| linear | 2 | 50 % | 1 of 2 | 1 of 2 | 1 of 2 | 10.0, 10.0, 10.0 % | with care: 2 |" in text
+    assert "| linear | 2 | 50 % | 1 of 2 | 1 of 2 | 1 of 2 | 10.0, 10.0, 10.0 % | use within: 2 |" in text
     assert "Laws that are not there: in 1 of 2 campaigns" in text
     assert "intervals hold in 2 of 3 campaigns. Not converged or refused: 1 of 4." in text
     page = tmp_path / "page.md"

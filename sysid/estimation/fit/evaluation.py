@@ -118,6 +118,7 @@ def evaluate_optimum(
         identifiability=determined,
         misfit=optimum.misfit,
         load_shares=load_shares(campaign.vehicle, estimates),
+        parts=adjusted.parts.differences,
     )
     return fit, FitState(campaign, point, model)
 

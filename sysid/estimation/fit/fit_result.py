@@ -11,6 +11,7 @@ from sysid.estimation.parameters.rockers import LoadShare
 from sysid.estimation.parameters.undeclared_parts import UndeclaredFrame
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.uncertainty.identifiability import Identifiability
+from sysid.estimation.uncertainty.part_agreement import PartDifference
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
 from sysid.tabular import Tabular, records_table
 
@@ -139,6 +140,7 @@ class FitResult(Tabular):
       declare but the residuals show (:mod:`sysid.estimation.fit.part_search`): they are part of the model;
     - `doubts` are those `warnings` that make the values doubtful and that none of the other fields says: numerical
       errors, declared masses that the data contradict, a likely mistake in the campaign file;
+    - `parts` says of stiffness and damping how far parts of the data disagree;
     - `misfit` is the median over channels and runs of residual over noise. The noise is that of the instruments, or
       what the channels show before the bump.
     """
@@ -169,6 +171,7 @@ class FitResult(Tabular):
     misfit: float = float("nan")
     undeclared_frames: tuple[UndeclaredFrame, ...] = ()
     doubts: tuple[str, ...] = ()
+    parts: tuple[PartDifference, ...] = ()
 
     @property
     def laws(self) -> tuple[str, ...]:

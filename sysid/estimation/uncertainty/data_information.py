@@ -31,7 +31,8 @@ class DataInformation:
     - `prior`: P (p, p), prior precision of the parameters;
     - `sd` (q,): prior standard deviations of masses and departures; the first `masses` of them are masses;
     - `factor`: by how much model error widens all variances; the matrix already includes it;
-    - `laws` (k, p): rows whose squares R'R laws that the data do not decide add to the covariance by the data;
+    - `laws` (k, p): rows whose squares R'R are added to the covariance by the data, for laws that the data do not
+      decide and for parts of the data that disagree (:mod:`sysid.estimation.uncertainty.part_agreement`);
     - `kinds` (q,): which masses and departures are scale readings (:data:`SCALES`), other masses or tires.
     """
 

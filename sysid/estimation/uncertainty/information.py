@@ -7,8 +7,8 @@ what is left for the parameters (:mod:`sysid.estimation.uncertainty.data_informa
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -26,6 +26,7 @@ from sysid.estimation.uncertainty.joint_step import JointStep, bounded_step, joi
 from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_following
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.normal_equations import NormalEquations
+from sysid.estimation.uncertainty.part_agreement import Block, PartAgreement, part_agreement
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns
 from sysid.estimation.uncertainty.run_scores import ClockScores, PriorScores, run_scores
 from sysid.estimation.uncertainty.sandwich import BlockScores, adjust
@@ -66,7 +67,7 @@ class BlockInformation:
 
     matrix: np.ndarray
     scores: np.ndarray
-    blocks: tuple[tuple[Hashable, ...], ...]
+    blocks: tuple[Block, ...]
     parts: np.ndarray | None = None
     clocks: ClockFollowing | None = None
     of_load_cases: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -94,7 +95,7 @@ def apart_by_load_case(data: BlockInformation, known: int) -> tuple[np.ndarray, 
     matrix = np.zeros((known + candidates * len(cases),) * 2)
     score = np.zeros(matrix.shape[0])
     matrix[:known, :known], score[:known] = data.matrix[:known, :known], data.score[:known]
-    load_case_of = np.array([block[1] for block in data.blocks])
+    load_case_of = np.array([block.load_case for block in data.blocks])
     for number, (case, information) in enumerate(data.of_load_cases.items()):
         at = known + number + len(cases) * np.arange(candidates)
         matrix[:known, at], matrix[at, :known] = information[:known, known:], information[known:, :known]
@@ -136,7 +137,8 @@ def information_with(
     """
     scores: list[np.ndarray] = []
     parts: list[np.ndarray] = []
-    blocks: list[tuple[Hashable, ...]] = []
+    blocks: list[Block] = []
+    sensors = problem.model.layout.sensors
     of_cases: dict[str, np.ndarray] = {}
     of_clocks: list[tuple[tuple[int, ...], ClockScores]] = []
 
@@ -154,12 +156,12 @@ def information_with(
         for run, used, of_run, information in zip(group.runs, measured, scored.scores, scored.information, strict=True):
             record = campaign.bump_runs[run]
             of_cases[record.load_case] = of_cases.get(record.load_case, 0.0) + information
-            case = (record.case, record.load_case, record.bump, record.nominal_speed_m_s)
+            case = Block(record.load_case, record.case, record.bump, record.nominal_speed_m_s)
             scores += [of_run[c] for c in np.flatnonzero(used)]
-            blocks += [(*case, int(c)) for c in np.flatnonzero(used)]
+            blocks += [replace(case, channel=int(c), sensor=sensors[c].kind) for c in np.flatnonzero(used)]
         scores += list(by_priors.score)
         parts += list(by_priors.information) if with_parts else []
-        blocks += [("priors of the runs", campaign.bump_runs[run].load_case) for run in group.runs]
+        blocks += [Block(campaign.bump_runs[run].load_case) for run in group.runs]
     matrix = np.sum(list(of_cases.values()), axis=0)
     return BlockInformation(
         matrix,
@@ -191,7 +193,8 @@ class AdjustedInformation:
     - `inflation` (p,): of variances by model error, in the directions of the sandwich;
     - `slope` (p,): gradient of the log-likelihood with all that integrated out, at the optimum;
     - `data`: for computing what more data would add;
-    - `response`: of masses and departures to the parameters.
+    - `response`: of masses and departures to the parameters;
+    - `parts`: whether parts of the data agree.
     """
 
     information: ParametersByParameters
@@ -201,6 +204,7 @@ class AdjustedInformation:
     slope: Parameters
     data: DataInformation
     response: MassResponse
+    parts: PartAgreement
 
 
 def adjusted_information(
@@ -239,7 +243,15 @@ def adjusted_information(
         loads = _footprints_by_loads(allowances) @ followed[: masses.sd.size]
         follow = map_following(about, problem.model.parameters, parameters, departures.directions, loads)
     flat = of_blocks.matrix @ follow
-    undecided = np.zeros((0, count)) if laws is None else laws
+    parts = part_agreement(
+        problem.model.parameters.parameters,
+        tuple(dict.fromkeys(data.blocks)),
+        spread.scores / factor,
+        data.by_block(_parts(data)) / factor,
+        prior,
+        sd,
+    )
+    undecided = parts.rows if laws is None else np.concatenate([laws, parts.rows])
     known = DataInformation(matrix, flat, prior, sd, masses.sd.size, factor, undecided, _kinds(allowances))
     # The likelihood leaves the clocks where they are.
     as_clocked = data.matrix if data.clocks is None else information_with(campaign, problem, vector).matrix
@@ -247,7 +259,14 @@ def adjusted_information(
     slope = known.slope(slope)
     response = MassResponse(parameters, followed, equations.only(further).covariance_factor, here)
     own = follow.T @ as_clocked[:count, :count] @ follow
-    return AdjustedInformation(known.precision(), follow, own, factor * of_blocks.inflation, slope, known, response)
+    return AdjustedInformation(
+        known.precision(), follow, own, factor * of_blocks.inflation, slope, known, response, parts
+    )
+
+
+def _parts(data: BlockInformation) -> np.ndarray:
+    assert data.parts is not None
+    return data.parts
 
 
 @dataclass(frozen=True)
@@ -285,10 +304,9 @@ def model_error(
     prior : (p, p) P; pull : (p,) gradient of half the sum of squares of the priors.
     footprint_response : (p + q, p + q) of :func:`footprints_following`, None where footprints stay.
     """
-    assert data.parts is not None
     masses, directions = allowances.masses, allowances.departures.directions
     count, factor = prior.shape[0], 1.0
-    scores, parts = data.by_block(data.scores), data.by_block(data.parts)
+    scores, parts = data.by_block(data.scores), data.by_block(_parts(data))
     for _ in range(_FACTOR_ROUNDS):
         matrix, score = data.matrix / factor, data.score / factor
         with_priors = score.copy()
