@@ -30,6 +30,7 @@ from sysid.estimation.uncertainty.information import (
 )
 from sysid.estimation.uncertainty.joint_step import JointStep
 from sysid.estimation.uncertainty.normal_equations import NormalEquations
+from sysid.estimation.uncertainty.part_agreement import PartAgreement
 
 TOO_SMALL = 3.0
 
@@ -271,6 +272,7 @@ def test_draws_with_their_spread_have_the_mean_of_the_posterior(maps_follow: boo
         slope=follow.T @ pull / factor,
         data=None,
         response=SimpleNamespace(amounts=np.zeros(0)),
+        parts=PartAgreement((), np.zeros((0, 3))),
     )
     model = SimpleNamespace(
         parameters=SimpleNamespace(prior_pull=lambda x: (rows.T @ (rows @ x - targets), prior)),
