@@ -130,12 +130,13 @@ class MassTolerances:
 
     `unsprung_mass` of every axle and beam, `pitch_inertia` and `cg_height` of every body, `hitch_height` of every
     hinge, `axle_load` of every reading of a scale and `axle_load_scale` of the scale, which all readings share; 0 takes
-    the declared values as exact.
+    the declared values as exact. The defaults are those of values that nobody weighed: inertias and heights of loaded
+    trucks are guesses, unsprung masses come from lists of parts (an assumption).
     """
 
-    unsprung_mass: float = 0.03
-    pitch_inertia: float = 0.05
-    cg_height: float = 0.03
+    unsprung_mass: float = 0.08
+    pitch_inertia: float = 0.25
+    cg_height: float = 0.10
     hitch_height: float = 0.03
     axle_load: float = 0.005
     axle_load_scale: float = 0.005

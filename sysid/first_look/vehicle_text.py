@@ -13,7 +13,7 @@ from sysid.first_look.records import FirstLook
 from sysid.first_look.templates import Template
 
 #: Standard deviations of mass properties that nobody has measured: assumptions.
-_TOLERANCES = {"unsprung_mass": 0.1, "pitch_inertia": 0.15, "cg_height": 0.1, "hitch_height": 0.05}
+_TOLERANCES = {"unsprung_mass": 0.1, "pitch_inertia": 0.25, "cg_height": 0.1, "hitch_height": 0.05}
 
 
 def vehicle_text(look: FirstLook) -> str:

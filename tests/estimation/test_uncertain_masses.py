@@ -139,7 +139,7 @@ def test_factors_keep_axle_loads_and_total_mass():
         *(f"axle_load_{i}[{case}]" for case in ("empty", "laden") for i in (1, 2, 3)),
         "axle_load_scale",
     ]
-    np.testing.assert_allclose(masses.sd, [0.03] * 4 + [0.05] * 2 + [0.03] * 2 + [0.005] * 7)
+    np.testing.assert_allclose(masses.sd, [0.08] * 4 + [0.25] * 2 + [0.1] * 2 + [0.005] * 7)
     change = np.array([0.02, -0.03, 0.01, 0.05, 0.1, 0.0, 0.0, -0.06, *[0.0] * 7])
     found, loads = masses.applied(change)
     assert sum(found.unsprung_mass_kg) + loads["empty"].sprung_mass_kg[0] == pytest.approx(sum(EMPTY.axle_loads_kg))
@@ -153,7 +153,7 @@ def test_factors_keep_axle_loads_and_total_mass():
     assert loads["laden"].axle_loads_kg == LADEN.axle_loads_kg
     assemble(found, loads["laden"])
     far, _ = masses.applied(np.full(15, 9.0))
-    assert far.axles[0].unsprung_mass_kg == pytest.approx(520 * np.exp(0.12))
+    assert far.axles[0].unsprung_mass_kg == pytest.approx(520 * np.exp(0.32 + 0.02))
 
 
 def test_what_a_scale_showed_wrongly_the_bodies_carry():
@@ -164,18 +164,21 @@ def test_what_a_scale_showed_wrongly_the_bodies_carry():
     change[names.index("axle_load_2[laden]")] = 0.01
     change[names.index("axle_load_scale")] = -0.004
     vehicle, cases = masses.applied(change)
-    assert vehicle.unsprung_mass_kg == TOLERANT.unsprung_mass_kg
+    # A truck of less weight is lighter in all parts.
+    np.testing.assert_allclose(vehicle.unsprung_mass_kg, np.exp(-0.004) * np.array(TOLERANT.unsprung_mass_kg))
+    assert cases["empty"].pitch_inertia_kg_m2[0] == pytest.approx(np.exp(-0.004) * EMPTY.pitch_inertia_kg_m2[0])
     loads = np.array(LADEN.axle_loads_kg) * np.exp(-0.004) * [1.0, np.exp(0.01), 1.0]
     np.testing.assert_allclose(cases["laden"].axle_loads_kg, loads, rtol=1e-12)
     np.testing.assert_allclose(cases["empty"].axle_loads_kg, np.array(EMPTY.axle_loads_kg) * np.exp(-0.004), rtol=1e-12)
     for case, declared in ((cases["laden"], LADEN), (cases["empty"], EMPTY)):
         gained = sum(case.axle_loads_kg) - sum(declared.axle_loads_kg)
+        gained -= sum(vehicle.unsprung_mass_kg) - sum(TOLERANT.unsprung_mass_kg)
         assert case.sprung_mass_kg[0] - declared.sprung_mass_kg[0] == pytest.approx(gained, abs=1e-9)
         assemble(vehicle, case)
     # A heavier axle leaves what stands on the scale as it is.
     change[names.index("unsprung_mass_2")] = 0.1
     heavier, cases = masses.applied(change)
-    assert heavier.unsprung_mass_kg[1] == pytest.approx(np.exp(0.1) * TOLERANT.unsprung_mass_kg[1], rel=1e-12)
+    assert heavier.unsprung_mass_kg[1] == pytest.approx(np.exp(0.096) * TOLERANT.unsprung_mass_kg[1], rel=1e-12)
     for name in ("empty", "laden"):
         standing = sum(cases[name].sprung_mass_kg) + sum(heavier.unsprung_mass_kg)
         assert standing == pytest.approx(sum(cases[name].axle_loads_kg), rel=1e-12)
@@ -289,7 +292,7 @@ def test_a_truck_with_all_masses_loads_and_stiffnesses_a_little_larger_moves_in_
     names = [f.name for f in allowances.masses.factors]
     amounts = np.zeros(allowances.count)
     for k, name in enumerate(names):
-        amounts[k] = larger if name.startswith(("unsprung", "pitch", "axle_load_scale")) else 0.0
+        amounts[k] = larger if name == "axle_load_scale" else 0.0
     motion = RunMotion.steady(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
     moved = allowances.moved(other, amounts)
     vehicle = allowances.masses.applied(amounts[: len(names)])

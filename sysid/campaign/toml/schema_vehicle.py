@@ -178,9 +178,9 @@ Tolerance = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=
 class TolerancesTable(Table):
     """tolerances = {...}: relative standard deviations of declared mass properties, 0 for exact ones."""
 
-    unsprung_mass: Tolerance = 0.03
-    pitch_inertia: Tolerance = 0.05
-    cg_height: Tolerance = 0.03
+    unsprung_mass: Tolerance = 0.08
+    pitch_inertia: Tolerance = 0.25
+    cg_height: Tolerance = 0.10
     hitch_height: Tolerance = 0.03
     axle_load: Tolerance = 0.005
     axle_load_scale: Tolerance = 0.005

@@ -1,10 +1,14 @@
 """Declared mass properties with small errors: factors on them, shared by all runs, each with a Gaussian prior.
 
 A factor multiplies an unsprung mass, a body's pitch inertia, the height of its centre of gravity or of its hitch, the
-load that a scale showed for an axle, or all loads that it showed. If an axle load increases, the mass of its body
-increases by the same amount. If an unsprung mass increases, the sprung mass of its body decreases by the same amount.
-Statics then give the new centre of gravity. The logarithm of a factor is normal about zero with the tolerance that the
-campaign file gives.
+load that a scale showed for an axle, or all masses of the truck with all loads that the scale showed. If an axle load
+increases, the mass of its body increases by the same amount. If an unsprung mass increases, the sprung mass of its body
+decreases by the same amount. Statics then give the new centre of gravity. The logarithm of a factor is normal about
+zero with the tolerance that the campaign file gives.
+
+No motion shows the factor of the scale: a truck of which all masses and loads, stiffnesses and dampings are larger by
+the same share moves in the same way. The factors on unsprung masses and inertias are relative to it, so guesses of
+these say nothing about the scale.
 """
 
 from __future__ import annotations
@@ -172,10 +176,17 @@ def _apply(
         body = replace(body, hitch_height_m=(body.hitch_height_m or 0.0) * value)
         return replace(vehicle, bodies=_with(vehicle.bodies, at, body)), cases
     changed = dict(cases)
+    if factor.quantity == SCALE:
+        axles = tuple(replace(a, unsprung_mass_kg=a.unsprung_mass_kg * value) for a in vehicle.axles)
+        groups = tuple(
+            replace(g, mass_kg=g.mass_kg * value, pitch_inertia_kg_m2=g.pitch_inertia_kg_m2 * value)
+            for g in vehicle.groups
+        )
+        vehicle = replace(vehicle, axles=axles, groups=groups)
     for name in factor.load_cases:
         case = changed[name]
         if factor.quantity == SCALE:
-            changed[name] = _on_scale(declared_kg, case, value)
+            changed[name] = _heavier(declared_kg, case, value)
             continue
         if factor.quantity == AXLE_LOAD:
             changed[name] = _weighed(vehicle, case, at, value)
@@ -199,16 +210,21 @@ def _weighed(vehicle: Vehicle, case: LoadCase, axle: int, value: float) -> LoadC
     )
 
 
-def _on_scale(declared_kg: np.ndarray, case: LoadCase, value: float) -> LoadCase:
-    """The load case with all loads, and all that stands on the axles, times `value`.
+def _heavier(declared_kg: np.ndarray, case: LoadCase, value: float) -> LoadCase:
+    """The load case with all loads, masses and inertias times `value`.
 
     Changes of the unsprung masses from the declared ones (bodies,) [kg] are taken from the bodies afterwards.
     """
-    # Axle loads have a factor of their own. As long as it does not move, the bodies above the axles carry the
-    # difference.
+    # What the axles weigh more is taken from the bodies with those changes.
     sprung = value * np.array(case.sprung_mass_kg) + (value - 1.0) * declared_kg
     loads = value * np.array(case.axle_loads_kg)
-    return replace(case, axle_loads_kg=tuple(loads.tolist()), sprung_mass_kg=tuple(sprung.tolist()))
+    inertia = value * np.array(case.pitch_inertia_kg_m2)
+    return replace(
+        case,
+        axle_loads_kg=tuple(loads.tolist()),
+        sprung_mass_kg=tuple(sprung.tolist()),
+        pitch_inertia_kg_m2=tuple(inertia.tolist()),
+    )
 
 
 def _with(values: Sequence[T], at: int, value: T) -> tuple[T, ...]:
