@@ -87,6 +87,11 @@ COORDINATE_M: Final = 1e8
 PROFILE_STATIONS: Final = 100_000
 PROFILE_LENGTH_M: Final = 100.0
 PROFILE_HEIGHT_M: Final = 1.0
+#: Length [m] of a road to predict, its stations in a file, its realisations, and the time [s] that a pass may take.
+ROAD_LENGTH_M: Final = 20_000.0
+ROAD_STATIONS: Final = 2_000_000
+ROAD_REALISATIONS: Final = 50
+ROAD_SECONDS: Final = 3600.0
 
 # ---------------------------------------------------------------- result folders
 #: A stage's result or a stretch of a chain; hundreds of thousands of draws of all parameters take less.

@@ -16,6 +16,7 @@ from .records import Channel as Channel
 from .records import Log as Log
 from .records import PlankDrop as PlankDrop
 from .records import PredictionRequest as PredictionRequest
+from .records import RoadCourse as RoadCourse
 from .records import Scan as Scan
 from .records import Sensor as Sensor
 from .records import SensorKind as SensorKind

@@ -190,6 +190,9 @@ def _compute(
     options = () if record is None or record.command is None else record.command.options
     typed = {option.name: choices.pop(option.name, None) for option in options}
     typed = {option.name: typed[option.name] for option in options if option.given(typed)}
+    aside = None if record is None or record.command is None else record.command.aside
+    if aside is not None and aside.seeded in typed:
+        typed["seed"] = choices.pop("seed", None)
     # A seed of 0 is a choice as well, and equal to False.
     chosen = any(choices.get(option) is not None and choices[option] is not False for option in KEPT_CHOICES)
     if _takes_stored_options(record, typed) and not chosen:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ import pandas as pd
 from sysid.csv_cells import csv_text, escape_cell, number_cell
 from sysid.export.naming import file_stem, prediction_files, speed_km_h
 from sysid.files import write_text
+from sysid.prediction.predicted_passes import Quantiles
 from sysid.results.contents import Judgement, Results
 from sysid.results.parameter_table import parameter_table
 from sysid.tabular import distinct
@@ -20,7 +21,7 @@ from sysid.validation.channel_agreement import ChannelAgreement
 
 if TYPE_CHECKING:
     from sysid.estimation.fit.profiles import ProfileLikelihood
-    from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles
+    from sysid.prediction.predicted_passes import PassPrediction, Predictions
     from sysid.validation.channel_agreement import Validation
 
 
@@ -112,8 +113,8 @@ def bet_column(p: PassPrediction, judgement: Judgement | None) -> dict[str, np.n
 def pass_measures_csv(predictions: Predictions, trust: str | None = None) -> str:
     """The text of `predictions/peaks.csv`: a row per pass, axle and measure with its quantiles.
 
-    The last columns name what of the axle goes beyond the driven runs, words as in `trust` of a pass in `result.json`,
-    and whether the numbers may be used, as its `verdict`.
+    Measures of the whole vehicle have no axle.  The last columns name what of the axle goes beyond the driven runs,
+    words as in `trust` of a pass in `result.json`, and whether the numbers may be used, as its `verdict`.
     """
     rows = []
     passes = predictions.passes
@@ -124,6 +125,8 @@ def pass_measures_csv(predictions: Predictions, trust: str | None = None) -> str
                 if values is not None:
                     beyond = " ".join(e.what for e in p.trust if e.axle == axle)
                     rows.append([*head, name, *_bands(values, axle), file, beyond, trust or ""])
+        for name, values in _of_vehicle(p):
+            rows.append([*head[:3], "", name, *_bands(values, 0), file, "", trust or ""])
     names = ("load_case", "speed_km_h", "shape", "axle", "measure", "q05", "q50", "q95", "file", "beyond_driven")
     return csv_text((*names, "verdict"), rows)
 
@@ -153,19 +156,49 @@ def speed_sweeps_csv(predictions: Predictions, trust: str | None = None) -> str:
 
 def _measures(p: PassPrediction) -> tuple[tuple[str, Quantiles | None], ...]:
     names = ("load_coefficient", "lift_off_s", "jounce_m", "rebound_m", "impulse_ratio")
-    return (("peak_dynamic_load_ratio", p.peak_ratio), *((name, getattr(p, name)) for name in names))
+    static = Quantiles(None, 1e-3 * p.static_load_N, None)
+    found: list[tuple[str, Quantiles | None]] = [("peak_dynamic_load_ratio", p.peak_ratio)]
+    found += [("static_axle_load_kN", static), ("peak_axle_load_kN", p.axle_load_kN)]
+    found += [(name, getattr(p, name)) for name in names]
+    if p.road is not None:
+        found += [("axle_load_95_kN", p.road.load_95_N.times(1e-3)), ("axle_load_99_kN", p.road.load_99_N.times(1e-3))]
+        found += [("road_stress_factor", p.road.road_stress)]
+    return tuple(found)
+
+
+def _of_vehicle(p: PassPrediction) -> tuple[tuple[str, Quantiles], ...]:
+    """Measures of a whole vehicle and of its road, (1,) each."""
+    if p.road is None:
+        return ()
+    road = p.road
+    found = [("vehicle_stress_factor", road.vehicle_stress), ("aggregate_stress_95", road.aggregate_95)]
+    for name, value in (("iri_mm_per_m", road.roughness_index_mm_m), ("road_density_m3", road.density_m3)):
+        if value is not None:
+            found.append((name, Quantiles(None, np.array([value]), None)))
+    return tuple(found)
 
 
 def _bands(values: Quantiles, index: int | tuple[int, int]) -> list[str]:
     return [number_cell(None if q is None else float(q[index])) for q in (values.q05, values.q50, values.q95)]
 
 
-def write_passes(predictions: Predictions, folder: Path, judgement: Judgement | None = None) -> tuple[Path, ...]:
-    """Write the histories of passes that belong to no results below the output `folder` and return their paths."""
-    paths = tuple(Path(folder) / name for name in prediction_files(predictions.passes))
-    for prediction, path in zip(predictions.passes, paths, strict=True):
-        write_text(path, prediction_csv(prediction, judgement))
-    return paths
+def write_passes(
+    predictions: Predictions, folder: Path, judgement: Judgement | None = None, trust: str | None = None
+) -> tuple[Path, ...]:
+    """Write passes that belong to no results below the output `folder`, and return the paths.
+
+    Each has its histories as `predictions/NAME.csv` and its measures as `predictions/NAME_peaks.csv`, with the columns
+    of `predictions/peaks.csv`.
+    """
+    paths = []
+    for prediction, name in zip(predictions.passes, prediction_files(predictions.passes), strict=True):
+        one = replace(predictions, passes=(prediction,), sweeps=())
+        texts = {name: prediction_csv(prediction, judgement)}
+        texts[f"{name.removesuffix('.csv')}_peaks.csv"] = pass_measures_csv(one, trust)
+        for file, text in texts.items():
+            write_text(Path(folder) / file, text)
+            paths.append(Path(folder) / file)
+    return tuple(paths)
 
 
 def write_predictions(results: Results, folder: Path) -> tuple[Path, ...]:

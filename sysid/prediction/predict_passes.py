@@ -20,6 +20,7 @@ from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.measures import extremes, impulse_ratio, lift_off_time, load_coefficient, quantiles
 from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
 from sysid.prediction.remarks import driven_speeds, remarks
+from sysid.prediction.road_loads import predict_road
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
 from sysid.prediction.vehicle_draws import (
     MakesVehicles,
@@ -374,11 +375,14 @@ def predict(
     sets = state.point.log_parameters[None] if draws is None else draws
     vehicles, stops = vehicles_of(state, roads, sets, driven, None if draws is None else random)
     passes = tuple(
-        predict_pass(campaign, parameters, roads, request, sets, vehicles, driven, stops) for request in requests
+        predict_pass(campaign, parameters, roads, request, sets, vehicles, driven, stops)
+        if request.road is None
+        else predict_road(state, request, sets, vehicles, driven, stops, progress)
+        for request in requests
     )
     sets = sets[:SWEEP_DRAWS].T
     few = None if vehicles is None else vehicles.first(SWEEP_DRAWS)
-    pairs = dict.fromkeys((r.load_case, r.bump) for r in requests if r.shape is None)
+    pairs = dict.fromkeys((r.load_case, r.bump) for r in requests if r.shape is None and r.road is None)
     speeds = [v / 3.6 for v in sweep_km_h]
     sweeps = tuple(
         speed_sweep(campaign, parameters, case, bump, roads, sets, speeds, progress, few, driven, stops)

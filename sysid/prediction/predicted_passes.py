@@ -25,6 +25,36 @@ class Quantiles:
     q50: np.ndarray
     q95: np.ndarray | None
 
+    def times(self, factor: np.ndarray | float) -> Quantiles:
+        """All quantiles times a positive factor, one number or one per axle."""
+        low, high = (None if q is None else q * factor for q in (self.q05, self.q95))
+        return Quantiles(low, self.q50 * factor, high)
+
+
+@dataclass(frozen=True)
+class RoadLoads:
+    """What axle loads over a rough road do to it.
+
+    - `load_95_N`, `load_99_N` (axles,): load that the axle exceeds on 5 % and on 1 % of the road [N];
+    - `road_stress` (axles,): mean of (F / F_0)^q over the road, F_0 the load at rest, with the exponent q;
+    - `vehicle_stress`: the same of the whole vehicle, sum_i mean F_i^q / sum_i F_0i^q;
+    - `aggregate_95`: sum_i F_i(s)^q / sum_i F_0i^q that 5 % of the stations s exceed, all axles at one station;
+    - `roughness_index_mm_m` (IRI), `density_m3` (G_d(n_0) of ISO 8608) and `road_class` of the road, means over tracks
+      and realisations; None where it is too short.
+    """
+
+    load_95_N: Quantiles
+    load_99_N: Quantiles
+    road_stress: Quantiles
+    vehicle_stress: Quantiles
+    aggregate_95: Quantiles
+    exponent: float
+    length_m: float
+    realisations: int
+    roughness_index_mm_m: float
+    density_m3: float | None
+    road_class: str | None
+
 
 @dataclass(frozen=True)
 class PassPrediction(Tabular):
@@ -47,6 +77,8 @@ class PassPrediction(Tabular):
     `shape` names a bump that no run crossed, or the scanned one where there are several; else it is empty.  `profile`
     tells its profile from others (None if it is not known).
 
+    - `road`: measures of a pass over a rough road, None for a bump.  `time_s` counts from where axle 1 meets the road.
+      With several realisations forces are those of the first, and peaks the largest of all;
     - `trust` lists what goes beyond the driven runs, empty if nothing does;
     - `beyond` (axles, n) bool: instants at which tire deflection, travel or damper speed go beyond them in at least
       half of the draws, or at which a wheel is off the ground that never was in the runs. None if the driven runs are
@@ -75,6 +107,12 @@ class PassPrediction(Tabular):
     trust: tuple[Extrapolation, ...] = ()
     beyond: np.ndarray | None = None
     profile: ProfileIdentity | None = None
+    road: RoadLoads | None = None
+
+    @property
+    def axle_load_kN(self) -> Quantiles:
+        """Quantiles of the peak load of every axle, both sides together, (axles,) [kN]."""
+        return self.peak_ratio.times(1e-3 * self.static_load_N)
 
     @property
     def peak_ratio(self) -> Quantiles:

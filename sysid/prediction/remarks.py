@@ -37,8 +37,8 @@ def remarks(
     weight. acting : undeclared bump stops that act, by axle (index): direction and travel [m].
     """
     name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
-    if request.shape is not None:
-        name += f", {request.shape.label}"
+    if request.shape is not None or request.road is not None:
+        name += f", {request.bump if request.shape is None else request.shape.label}"
     elif len(campaign.scans) > 1:
         name += f", {request.bump}"
     sentences = [*_extrapolation(campaign, request, name), *_beyond(trust, name)]
@@ -66,7 +66,7 @@ def _extrapolation(campaign: Campaign, request: PredictionRequest, name: str) ->
             f"{name}: faster than any run of this load case ({3.6 * max(driven):g} km/h); the prediction is an "
             "extrapolation."
         )
-    if request.shape is not None or request.bump not in {r.bump for r in campaign.bump_runs}:
+    if request.road is None and (request.shape is not None or request.bump not in {r.bump for r in campaign.bump_runs}):
         sentences.append(f"{name}: no run crossed this bump; the prediction is an extrapolation.")
     return sentences
 

@@ -98,9 +98,16 @@ MakesVehicles = Callable[[], DrawnVehicles]
 
 
 def drawn_vehicles(
-    batch: PassBatch, parameters: ParameterSet, vehicles: VehicleDraws, driven: Pass
+    batch: PassBatch,
+    parameters: ParameterSet,
+    vehicles: VehicleDraws,
+    driven: Pass,
+    road: EffectiveRoad | None = None,
 ) -> tuple[MakesVehicles, ...]:
-    """The vehicles of all draws in the pass `driven`, of which `batch` is the one with declared masses."""
+    """The vehicles of all draws in the pass `driven`, of which `batch` is the one with declared masses.
+
+    `road` is the same for all of them; None for that of the bump, with the departures of every draw.
+    """
     masses, departures = vehicles.allowances.masses, vehicles.allowances.departures
     count = len(vehicles.amounts)
 
@@ -115,7 +122,7 @@ def drawn_vehicles(
             inputs = law_inputs(vehicle, parameters, of_draw, [driven.load_case])
             inputs = departures.laws(inputs, amplitudes, [driven.load_case], all_elements=True)
             laws.append(inputs if vehicles.stops is None else vehicles.stops.on(inputs, int(draw)))
-            roads.append(vehicles.allowances.road([driven], vehicles.amounts[draw]))
+            roads.append(road or vehicles.allowances.road([driven], vehicles.amounts[draw]))
         stacked = jax.tree.map(lambda *parts: runs_side_by_side(parts), *matrices)
         return DrawnVehicles(chosen, stacked, laws, roads_side_by_side(roads))
 
@@ -150,7 +157,7 @@ def histories_of_draws(
         speed, start_s = (np.tile(x, (some.chosen.size, 1)) for x in (motion.speed, motion.start_s))
         road = wheel_road(some.matrices, some.road, axle_x, Motion(speed, start_s), timing)
         sets = log_parameters[some.chosen, :, None]
-        found = _histories(some.matrices, some.laws, road, list(sets), timing)
+        found = histories_of_vehicles(some.matrices, some.laws, road, list(sets), timing)
         first, end = some.chosen[0], some.chosen[-1] + 1
         tire, suspension, *deflections = (np.asarray(part)[:, : end - first, :, 0] for part in found)
         static = some.matrices.static_load[: end - first, :, 0]
@@ -176,13 +183,14 @@ def with_contact_error(tire_N: np.ndarray, static_N: np.ndarray, error: np.ndarr
     return np.asarray(np.where(tire_N > 0.0, np.maximum(static_N + (1.0 + error) * (tire_N - static_N), 0.0), 0.0))
 
 
-def _histories(
+def histories_of_vehicles(
     matrices: StackedMatrices,
     laws: Sequence[LawInputs],
     road: WheelRoad,
     sets: Sequence[ParametersBySets],
     timing: Timing,
 ) -> tuple[HostOrDevice, HostOrDevice, HostOrDevice, HostOrDevice]:
+    """Tire and suspension forces [N], suspension and tire deflections [m] (T, R, na, S) of vehicles side by side."""
     suspension, tire = laws_side_by_side(laws, sets)
     histories = road.engine.histories(matrices, suspension, tire, road, timing)
     sunk = spring_deflection(tire, histories.tire_force)

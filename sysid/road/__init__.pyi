@@ -8,8 +8,12 @@ from .enveloping import static_deflection as static_deflection
 from .named_shapes import named_shape as named_shape
 from .point_cloud import read_point_cloud as read_point_cloud
 from .point_cloud import read_point_cloud_counted as read_point_cloud_counted
+from .profile_files import road_from_file as road_from_file
 from .road_profile import RoadProfile as RoadProfile
 from .road_profile import ScanAnalysis as ScanAnalysis
+from .roughness import class_of_profile as class_of_profile
+from .roughness import class_road as class_road
+from .roughness import roughness_index as roughness_index
 from .scan import ScanOptions as ScanOptions
 from .scan import analyse_scan as analyse_scan
 from .shapes import half_sine as half_sine

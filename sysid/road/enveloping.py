@@ -101,6 +101,21 @@ def _first_contact(station: np.ndarray, radius: float, road_s: np.ndarray, road_
     return np.asarray(np.maximum((road + np.sqrt(radius**2 - away**2)).max(axis=1), radius))
 
 
+def load_on_spokes(
+    station_m: np.ndarray,
+    height_m: np.ndarray,
+    radius_m: float,
+    road_m: np.ndarray,
+    road_height_m: np.ndarray,
+    exponent: float,
+) -> np.ndarray:
+    """Vertical force (n,) of unit spokes of wheels with their centres at stations and heights (n,) [m] over a road.
+
+    `road_m`, `road_height_m` (m,): stations and heights of the road [m], zero beyond its ends; `exponent` of a spoke.
+    """
+    return _spoke_forces(station_m, height_m[:, None], radius_m, road_m, road_height_m, exponent)[0][:, 0]
+
+
 def map_stations(road_m: np.ndarray, reach_m: float) -> np.ndarray:
     """Uniform stations [m] of a map, which reach beyond those of a road by a wheel's reach and 0.1 m of flat road."""
     first, last = road_m[0] - reach_m - 0.1, road_m[-1] + reach_m + 0.1

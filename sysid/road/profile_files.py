@@ -1,4 +1,4 @@
-"""Bump profiles from files: two columns of text, or a long section of an OpenCRG road surface.
+"""Profiles of bumps and of rough roads from files: two columns of text, or a long section of an OpenCRG surface.
 
 OpenCRG files (ASAM OpenCRG 1.2, chapter 6: sections $ROAD_CRG and $KD_DEFINITION, payload LRFI, LDFI, KRBI or KDBI) are
 read by pycrg, which holds ASAM's own C library: slope, banking and the modifiers of the file are applied there.  It
@@ -13,10 +13,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from sysid import limits
 from sysid.bounded_reader import read_in_child
-from sysid.campaign.records import BumpShape
+from sysid.campaign.records import BumpShape, RoadCourse
 from sysid.campaign.requests import START_HEIGHT_M
 from sysid.campaign.units import length_in_m
 from sysid.errors import CampaignError, DataRejectedError
@@ -31,6 +32,15 @@ _HEAD_BYTES = 1 << 20
 _STATION, _HEIGHT = "station_m", "height_m"
 #: Names of the two columns, with or without a unit.
 _COLUMN = re.compile(r"(station|height)(?:_(\w+)|\s*[\[(]([^\])]*)[\])])?", re.IGNORECASE)
+#: Stations of measured roads are no nearer and no further apart than this [m] in the model.
+_FINEST_M, _COARSEST_M = 0.005, 0.05
+#: Grades and hills are no roughness: on longer roads [m] than this a mean with Gaussian weights of the standard
+#: deviation [m] is taken out, which leaves 98 % of the longest wave of ISO 8608; of shorter roads the line through both
+#: ends.
+_LONG_M, _SMOOTHED_M = 300.0, 40.0
+#: Largest distance of two heights of a road, and largest height after that [m].
+_LARGEST_GAP_M = 1.0
+_ROUGH_HEIGHT_M = 1.0
 #: Units of the channels of OpenCRG other than long sections, in their spellings.
 _STANDARD = dict.fromkeys(("m", "meter", "metre", "rad", "m/m", "-", "1"), 1.0)
 
@@ -73,6 +83,72 @@ def bump_from_file(path: Path | InputFile, lateral_m: float = 0.0, name: str | N
     return shape
 
 
+def road_from_file(
+    path: Path | InputFile, lateral_m: float = 0.0, name: str | None = None, length_m: float | None = None
+) -> RoadCourse:
+    """Rough road in a file, read as :func:`bump_from_file` reads a bump; it need not begin and end on level road.
+
+    Parameters
+    ----------
+    length_m : of the road from its first station on [m], None for all of it.
+
+    Raises
+    ------
+    DataRejectedError
+        If the file cannot be read, or holds no road; one sentence with the file's name.
+    """
+    label = shorten(path.name if name is None else name)
+    source = _content(path, label)
+    if source.suffix.lower() == ".crg" or b"$KD_DEFINITION" in source.data[:_HEAD_BYTES].upper():
+        station, height = _long_section(source, label, lateral_m)
+        label += f", v = {lateral_m:g} m"
+    else:
+        station, height = _columns(source, label)
+    backward = np.flatnonzero(~(np.diff(station) > 0.0))
+    if station.size < 3 or backward.size:
+        where = f" (row {backward[0] + 2} of the data)" if backward.size else ""
+        raise DataRejectedError(f"{label}: stations must increase along the road{where}, three or more; sort the rows.")
+    station, steps = station - station[0], np.diff(station)
+    if length_m is not None and length_m > station[-1]:
+        raise DataRejectedError(
+            f"{label} is {station[-1]:g} m long, and {length_m:g} m are asked for; shorten --length."
+        )
+    length = float(station[-1]) if length_m is None else length_m
+    step = float(np.clip(np.median(steps), _FINEST_M, _COARSEST_M))
+    count = int(length / step) + 1
+    if length > limits.ROAD_LENGTH_M or count > limits.ROAD_STATIONS or count < 3:
+        raise DataRejectedError(
+            f"{label} is {length:g} m long; roads of {3 * step:g} m to {limits.ROAD_LENGTH_M:g} m are predicted: give "
+            "stations in metres, or a --length."
+        )
+    if (gap := float(steps.max())) > _LARGEST_GAP_M:
+        at = float(station[int(np.argmax(steps))])
+        raise DataRejectedError(
+            f"{label}: there is no height over {gap:.3g} m behind station {at:.6g} m; at most {_LARGEST_GAP_M:g} m."
+        )
+    grid = step * np.arange(count)
+    height = _without_grade(grid, np.interp(grid, station, height))
+    if (highest := float(np.abs(height).max())) > _ROUGH_HEIGHT_M:
+        raise DataRejectedError(
+            f"{label}: heights depart by {highest:.3g} m from the grade of the road, more than {_ROUGH_HEIGHT_M:g} m; "
+            "give heights in metres."
+        )
+    return RoadCourse(float(grid[-1]), step_m=step, height_m=height, source=label)
+
+
+def _without_grade(station_m: np.ndarray, height_m: np.ndarray) -> np.ndarray:
+    """Heights without the grade and the hills of a road, zero at its start."""
+    line = height_m[0] + (height_m[-1] - height_m[0]) * station_m / station_m[-1]
+    free = height_m - line
+    if station_m[-1] <= _LONG_M:
+        return np.asarray(free)
+    # Turned about its ends the road goes on as it came: there nothing is bent.
+    width = _SMOOTHED_M / (station_m[1] - station_m[0])
+    reach = min(int(4 * width), free.size - 1)
+    longer = np.concatenate([-free[reach:0:-1], free, -free[-2 : -reach - 2 : -1]])
+    return np.asarray(free - gaussian_filter1d(longer, width, truncate=4.0)[reach : reach + free.size])
+
+
 def _content(path: Path | InputFile, label: str) -> InputFile:
     if isinstance(path, InputFile):
         return path
@@ -103,7 +179,7 @@ def _columns(source: InputFile, label: str) -> tuple[np.ndarray, np.ndarray]:
     try:
         table = open_table(source, label, (), lambda name: named(name) is not None)
     except DataRejectedError as error:
-        if "campaign.toml" not in str(error):
+        if not any(words in str(error) for words in ("campaign.toml", "column of time")):
             raise
         # The reader of tables looks for the columns of a campaign.
         raise DataRejectedError(f"{label} has no columns {_STATION} and {_HEIGHT}; a profile needs both.") from None

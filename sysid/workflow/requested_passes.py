@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 from sysid.errors import CampaignError
 
 if TYPE_CHECKING:
-    from sysid.campaign.records import BumpShape, Campaign, PredictionRequest
+    from sysid.campaign.records import BumpShape, Campaign, PredictionRequest, RoadCourse
 
 #: Options that name passes.
-OPTIONS = ("speeds", "load_case", "bump", "lateral", "shape", "height", "length", "top")
+OPTIONS = ("speeds", "load_case", "bump", "lateral", "shape", "height", "length", "top", "road", "realisations")
+#: Length of a road of a class that has none [m], and the longest bump.
+ROAD_LENGTH_M, SHAPE_LENGTH_M = 500.0, 100.0
 #: Shapes that a bump may have by name.
 BUMP_SHAPES = ("watts", "sinusoidal", "half_sine", "parabolic", "trapezoid")
 
@@ -28,7 +30,7 @@ def requested_passes(campaign: Campaign, options: Mapping[str, Any]) -> tuple[Pr
     DataRejectedError
         If the file of a bump cannot be used.
     """
-    given = [name for name in OPTIONS if options.get(name) not in (None, ())]
+    given = [name for name in ("road", *OPTIONS) if options.get(name) not in (None, ())]
     speeds = options.get("speeds") or ()
     if not given:
         return ()
@@ -37,6 +39,13 @@ def requested_passes(campaign: Campaign, options: Mapping[str, Any]) -> tuple[Pr
     case = options.get("load_case") or next(iter(campaign.load_cases))
     if case not in campaign.load_cases:
         raise CampaignError(f"--load-case '{case}' is not in the campaign; it has {', '.join(campaign.load_cases)}.")
+    from sysid.campaign.records import PredictionRequest
+
+    if options.get("road") is not None:
+        road = _road(options)
+        return tuple(PredictionRequest(case, speed / 3.6, road.label, road=road) for speed in speeds)
+    if options.get("realisations") is not None:
+        raise CampaignError("--realisations is how many roads of a class are driven; add --road, for example B.")
     shape, bump = _shape(options), options.get("bump")
     if shape is None:
         shape = _file(campaign, bump, options.get("lateral"))
@@ -44,9 +53,30 @@ def requested_passes(campaign: Campaign, options: Mapping[str, Any]) -> tuple[Pr
     elif options.get("lateral") is not None:
         raise CampaignError("--lateral chooses a long section of an OpenCRG file; name that file by --bump.")
     bump = _bump(campaign, bump, shape)
-    from sysid.campaign.records import PredictionRequest
-
     return tuple(PredictionRequest(case, speed / 3.6, bump, shape) for speed in speeds)
+
+
+def _road(options: Mapping[str, Any]) -> RoadCourse:
+    name, length, realisations = options["road"], options.get("length"), options.get("realisations")
+    for other in ("bump", "shape", "height", "top"):
+        if options.get(other) is not None:
+            raise CampaignError(f"--road and --{other} are both given; a pass goes over one of them.")
+    from sysid.campaign.records import ROAD_CLASSES, RoadCourse
+
+    roughness = next((c for c in ROAD_CLASSES if c == name.upper()), None)
+    if roughness is not None:
+        if options.get("lateral") is not None:
+            raise CampaignError("--lateral chooses a long section of an OpenCRG file; name that file by --road.")
+        return RoadCourse(length or ROAD_LENGTH_M, roughness, options.get("seed") or 0, realisations or 1)
+    if realisations is not None:
+        raise CampaignError("--realisations is how many roads of a class are driven; a road from a file is one.")
+    path = Path(name)
+    if not os.path.exists(path):
+        raise CampaignError(f"--road '{name}' is neither a class of ISO 8608 (A to H) nor a file.")
+    from sysid.road.profile_files import road_from_file
+
+    named = "/".join(part for part in (path.parent.name, path.name) if part)
+    return road_from_file(path, options.get("lateral") or 0.0, named, length)
 
 
 def _shape(options: Mapping[str, Any]) -> BumpShape | None:
@@ -55,6 +85,8 @@ def _shape(options: Mapping[str, Any]) -> BumpShape | None:
         if any(value is not None for value in (height, length, top)):
             raise CampaignError("--height, --length and --top are the size of a --shape; add it, for example watts.")
         return None
+    if length is not None and length > SHAPE_LENGTH_M:
+        raise CampaignError(f"--length {length:g} is too long for a bump, at most {SHAPE_LENGTH_M:g} m; for a --road?")
     if height is None or length is None:
         raise CampaignError(f"--shape {name} needs its size: add --height and --length in metres.")
     if top is not None and name != "trapezoid":

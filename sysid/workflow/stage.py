@@ -95,11 +95,13 @@ class Option:
 class Aside(Generic[T]):
     """What a command computes instead when one of its options is given: shown and written, but no part of the results.
 
-    `write` puts it below the output folder, beside the results so far, and returns the files.
+    `write` puts it below the output folder, beside the results so far, and returns the files.  With the option
+    `seeded`, --seed is one of its own options, and not the seed of the results.
     """
 
     compute: Callable[[Context], T]
     write: Callable[[T, Results, Path], Sequence[Path]]
+    seeded: str = ""
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from small_results import small_campaign
 
@@ -83,3 +84,74 @@ def test_a_campaign_without_a_scan_needs_a_shape():
 def test_the_command_line_offers_exactly_these_options():
     names = {p.name for p in cli.commands["predict"].params} - {p.name for p in cli.commands["fit"].params}
     assert names == set(OPTIONS)
+
+
+def test_a_class_is_a_road():
+    options = {"speeds": (80.0,), "road": "b", "length": 1000.0, "seed": 3, "realisations": 2}
+    (found,) = requested_passes(CAMPAIGN, options)
+    road = found.road
+    assert (road.roughness, road.length_m, road.seed, road.realisations) == ("B", 1000.0, 3, 2)
+    assert found.bump == road.label == "road class B, 1000 m, seeds 3 to 4"
+    assert requested_passes(CAMPAIGN, {"speeds": (80.0,), "road": "A"})[0].road.length_m == 500.0
+
+
+def test_a_file_is_a_road_without_its_grade(tmp_path):
+    """Ten millimetres high, on a grade of 5 %, with uneven stations, in millimetres."""
+    path = tmp_path / "lane.csv"
+    station = np.cumsum(np.full(2001, 0.02))
+    height = 0.01 * np.sin(2 * np.pi * station / 4.0)
+    rows = [f"{s:.4f},{1e3 * (z + 0.05 * s):.4f}" for s, z in zip(station, height, strict=True)]
+    path.write_text("\n".join(["station_m,height_mm", *rows]))
+    (found,) = requested_passes(CAMPAIGN, {"speeds": (80.0,), "road": str(path)})
+    assert found.road.length_m == pytest.approx(40.0)
+    assert found.road.step_m == pytest.approx(0.02)
+    np.testing.assert_allclose(found.road.height_m, height - height[0], atol=2e-5)
+    (short,) = requested_passes(CAMPAIGN, {"speeds": (80.0,), "road": str(path), "length": 10.0})
+    assert short.road.length_m == pytest.approx(10.0)
+
+
+def test_hills_are_no_roughness(tmp_path):
+    """A kilometre with a hill of 20 m: its waves of 5 m stay, to a tenth of a millimetre away from the ends."""
+    path = tmp_path / "hill.csv"
+    station = 0.05 * np.arange(20001)
+    wave = 0.005 * np.sin(2 * np.pi * station / 5.0)
+    rows = [f"{s:.2f},{z + 20.0 * np.sin(np.pi * s / 1000.0):.6f}" for s, z in zip(station, wave, strict=True)]
+    path.write_text("\n".join(["station_m,height_m", *rows]))
+    road = requested_passes(CAMPAIGN, {"speeds": (80.0,), "road": str(path)})[0].road
+    middle = slice(4000, -4000)
+    left = road.height_m[middle] - wave[middle]
+    assert np.abs(np.diff(left, 2)).max() < 1e-5
+    assert np.ptp(left) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "said"),
+    [
+        ("station_m,height_m\n0,0\n1,0.1\n0.5,0\n", {}, "stations must increase"),
+        ("station_m,height_m\n0,0\n1,0.1\n5,0\n6,0\n", {}, "no height over 4 m behind station 1 m"),
+        ("station_m,height_m\n0,0\n1,10\n2,0\n", {}, "give heights in metres"),
+        ("station_m,height_m\n0,0\n1,0.1\n2,0\n", {"length": 5.0}, "is 2 m long, and 5 m are asked for"),
+        ("s,z\n0,0\n1,0.1\n", {}, "has no columns station_m and height_m"),
+    ],
+)
+def test_a_file_that_is_no_road_is_refused(tmp_path, text, options, said):
+    path = tmp_path / "lane.csv"
+    path.write_text(text)
+    with pytest.raises(DataRejectedError, match=said):
+        requested_passes(CAMPAIGN, {"speeds": (80.0,), "road": str(path), **options})
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"road": "B"}, "--road needs a --speed"),
+        ({"speeds": (80.0,), "road": "J"}, "neither a class of ISO 8608"),
+        ({"speeds": (80.0,), "road": "B", "bump": "one"}, "--road and --bump are both given"),
+        ({"speeds": (80.0,), "road": "B", "lateral": 1.0}, "--lateral chooses"),
+        ({"speeds": (80.0,), "realisations": 2}, "add --road"),
+        ({"speeds": (80.0,), "shape": "watts", "height": 0.1, "length": 200.0}, "too long for a bump"),
+    ],
+)
+def test_roads_that_cannot_be_driven_are_refused(options, said):
+    with pytest.raises(CampaignError, match=said):
+        requested_passes(CAMPAIGN, options)

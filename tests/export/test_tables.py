@@ -136,10 +136,22 @@ def test_tables_and_histories_carry_the_verdict(tmp_path, trust, forbidden):
     for text in (peaks, against, io.StringIO(parameters_csv(results))):
         assert set(pd.read_csv(text)["verdict"]) == {trust}
     assert set(pd.read_csv(history)["do_not_bet"]) == {forbidden}
-    (asked,) = PREDICT.command.aside.write(results.predictions, results, tmp_path / "asked")
+    asked, measures = PREDICT.command.aside.write(results.predictions, results, tmp_path / "asked")
     assert set(pd.read_csv(asked)["do_not_bet"]) == {forbidden}
+    # The same table, whichever way a pass was asked for.
+    assert measures.read_text("utf-8") == peaks.read_text("utf-8")
+    assert measures.name == f"{asked.stem}_peaks.csv"
     (moving,) = moving_force_texts(results.campaign, results.predictions, results.judgement).values()
     assert set(pd.read_csv(io.StringIO(moving))["do_not_bet"]) == {forbidden}
+
+
+def test_peaks_in_kN_are_ratios_times_loads_at_rest(tmp_path):
+    results = small_results()
+    table = pd.read_csv(write_predictions(results, tmp_path)[1]).set_index(["axle", "measure"])
+    for i, static in enumerate(results.predictions.passes[0].static_load_N):
+        assert table.loc[(i + 1, "static_axle_load_kN"), "q50"] == pytest.approx(1e-3 * static)
+        ratio, load = (table.loc[(i + 1, n), "q95"] for n in ("peak_dynamic_load_ratio", "peak_axle_load_kN"))
+        assert load == pytest.approx(1e-3 * static * ratio)
 
 
 def test_a_pass_over_another_bump_has_it_in_its_file_name():

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.display import TextTable
+from sysid.limits import ROAD_LENGTH_M, ROAD_REALISATIONS
 from sysid.workflow.requested_passes import BUMP_SHAPES, requested_passes
 from sysid.workflow.stage import Aside, Blocks, Command, Context, Option, Whole
 from sysid.workflow.stages.cells import finite_cell
@@ -18,7 +19,7 @@ from sysid.workflow.stages.posterior import SAMPLE, log_draws
 if TYPE_CHECKING:
     from sysid.campaign.records import PredictionRequest
     from sysid.planning.advice_records import Advice
-    from sysid.prediction.predicted_passes import Predictions
+    from sysid.prediction.predicted_passes import Predictions, Quantiles, RoadLoads
     from sysid.prediction.trust import DrivenRange
     from sysid.results.contents import Results
 
@@ -78,30 +79,64 @@ def _predicted(context: Context, requests: Sequence[PredictionRequest], sweep_km
 def _write_passes(predictions: Predictions, results: Results, folder: Path) -> Sequence[Path]:
     from sysid.export.tables import write_passes
 
-    return write_passes(predictions, folder, results.judgement)
+    return write_passes(predictions, folder, results.judgement, results.trust)
 
 
 def show_predict(predictions: Predictions, results: Results) -> Blocks:
-    """Peak dynamic load ratio per axle of every predicted pass."""
+    """Axle loads and peak dynamic load ratio of every predicted pass; over a rough road its measures too."""
     axles = results.campaign.vehicle.axles
     for p in predictions.passes:
+        columns = ("axle", "static kN", "peak kN", "90 % interval", "median", "90 % interval", "load coefficient")
         table = TextTable(
             f"{p.load_case}, {3.6 * p.speed_m_s:.4g} km/h"
             + (f", {p.shape}" if p.shape else "")
-            + ": peak dynamic load ratio",
-            ("axle", "median", "90 % interval", "load coefficient", "off the road ms"),
+            + ": axle load (both sides together) and peak dynamic load ratio",
+            (*columns, "off the road ms") if p.road is None else (*columns, "95 % kN", "road stress"),
         )
+        load = p.axle_load_kN
         for i, axle in enumerate(axles):
-            low, high = p.peak_ratio_q05, p.peak_ratio_q95
+            last = (
+                ("-" if p.lift_off_s is None else f"{1e3 * p.lift_off_s.q50[i]:.0f}",)
+                if p.road is None
+                else (f"{1e-3 * p.road.load_95_N.q50[i]:.1f}", f"{p.road.road_stress.q50[i]:.3f}")
+            )
             table.add_row(
                 f"{i + 1} {axle.name}",
+                f"{1e-3 * p.static_load_N[i]:.1f}",
+                f"{load.q50[i]:.1f}",
+                _interval(load, i, 1),
                 f"{p.peak_ratio_q50[i]:.3f}",
-                "-" if low is None or high is None else f"{low[i]:.3f} to {high[i]:.3f}",
+                _interval(p.peak_ratio, i, 3),
                 "-" if p.load_coefficient is None else f"{p.load_coefficient.q50[i]:.3f}",
-                "-" if p.lift_off_s is None else f"{1e3 * p.lift_off_s.q50[i]:.0f}",
+                *last,
             )
         yield table
+        if p.road is not None:
+            yield _road_words(p.road)
         yield from p.warnings
+    if predictions.source != "posterior":
+        yield "There are no intervals: no posterior has been sampled yet (run, or sample)."
+
+
+def _interval(values: Quantiles, axle: int, places: int) -> str:
+    low, high = values.q05, values.q95
+    return "-" if low is None or high is None else f"{low[axle]:.{places}f} to {high[axle]:.{places}f}"
+
+
+def _road_words(road: RoadLoads) -> str:
+    density = "" if road.density_m3 is None else f"{1e6 * road.density_m3:.3g}e-6 m3"
+    known = f", class {road.road_class} (G_d(n_0) = {density})" if density else ""
+    stress, together = (_with_interval(q) for q in (road.vehicle_stress, road.aggregate_95))
+    return (
+        f"Road: {road.length_m:g} m, IRI {road.roughness_index_mm_m:.2f} mm/m{known}. Stress of the whole vehicle, "
+        f"power {road.exponent:g}: {stress} times that of its loads at rest; 5 % of the road bears more than "
+        f"{together} times."
+    )
+
+
+def _with_interval(values: Quantiles) -> str:
+    text = f"{values.q50[0]:.3f}"
+    return text if values.q05 is None else f"{text} ({_interval(values, 0, 3)})"
 
 
 _PASS_OPTIONS = (
@@ -114,9 +149,15 @@ _PASS_OPTIONS = (
            "lateral", kind=float, limits=(-1000.0, 1000.0)),
     Option("--shape", "Another bump by its shape, with --height and --length.", "shape", choices=BUMP_SHAPES),
     Option("--height", "Height of the shape [m].", "height", kind=float, limits=(0.001, 1.0)),
-    Option("--length", "Length of the shape [m].", "length", kind=float, limits=(0.01, 100.0)),
+    Option("--length", "Length of the shape [m], or of a road (default: 500 of a class, all of a file).", "length",
+           kind=float, limits=(0.01, ROAD_LENGTH_M)),
     Option("--top", "Flat top of a trapezoid [m] (default: a third of its length).", "top", kind=float,
            limits=(0.0, 100.0)),
+    Option("--road", "Rough road of --speed in place of a bump: a class of ISO 8608 (A to H), with --length and "
+           "--seed, or a file with a measured profile (CSV with station_m and height_m, or OpenCRG).", "road",
+           metavar="CLASS|FILE"),
+    Option("--realisations", "Roads of the class that are driven, with seeds from --seed on (default: 1).",
+           "realisations", kind=int, limits=(1, ROAD_REALISATIONS)),
 )  # fmt: skip
 
 PREDICT = Whole(
@@ -134,7 +175,7 @@ PREDICT = Whole(
         show=show_predict,
         next=("report", "--open"),
         options=_PASS_OPTIONS,
-        aside=Aside(_requested, _write_passes),
+        aside=Aside(_requested, _write_passes, seeded="road"),
     ),
 )
 

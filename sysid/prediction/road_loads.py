@@ -1,0 +1,374 @@
+"""Axle loads over rough roads of any length: stretches side by side, each after a run-up from rest.
+
+A vehicle forgets within seconds, so that a long road is driven in stretches of :data:`STRETCH_S`.  Each begins
+:data:`RUN_UP_S` earlier on level road, out of which the road grows; what is felt meanwhile is thrown away.  Memory then
+depends on the number of draws that are simulated together, and time on the length of the road.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import numpy as np
+
+from sysid import limits
+from sysid.arrays import DrawsByParameters, SamplesByAxlesBySets
+from sysid.campaign.records import Campaign, PredictionRequest, RoadCourse
+from sysid.errors import CampaignError
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.parameters.axle_laws import law_inputs
+from sysid.prediction.assumed_stops import AssumedStops
+from sysid.prediction.felt_road import HARSH, MOST_HARSH_M, FeltRoad, felt_road
+from sysid.prediction.finite import check_finite
+from sysid.prediction.measures import extremes, quantiles
+from sysid.prediction.predicted_passes import PassPrediction, RoadLoads
+from sysid.prediction.remarks import remarks
+from sysid.prediction.trust import DrivenRange, Reached, extrapolations
+from sysid.prediction.vehicle_draws import (
+    TOGETHER,
+    DrawnVehicles,
+    MakesVehicles,
+    VehicleDraws,
+    drawn_vehicles,
+    histories_of_vehicles,
+    with_contact_error,
+)
+from sysid.progress import Progress, unwatched
+from sysid.road.roughness import TRACK_M, class_of_density, class_of_profile, class_road, roughness_index
+from sysid.threads import side_by_side
+from sysid.vehicle_model.contact import roads_side_by_side
+from sysid.vehicle_model.engine import Timing, wheel_road
+from sysid.vehicle_model.motion import Motion
+from sysid.vehicle_model.passes import Pass, PassBatch, declared_tires, load_case_matrices, pass_matrices
+from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, runs_side_by_side
+
+#: Length of a stretch, of the run-up before it, and of its first part, where the road grows out of a level one [s].
+STRETCH_S, RUN_UP_S, GROWTH_S = 20.0, 7.0, 3.5
+#: Interval of the histories [s], and the steps of the integration in it on gentle and on harsh roads.
+INTERVAL_S = 0.004
+_GENTLE_STEPS, _HARSH_STEPS = 2, 4
+#: Draws behind the bands of the histories: those of all draws of a long road take much memory.
+BAND_DRAWS = 40
+#: Exponent of the damage that axle loads do to a road: the fourth power of the AASHO road test.
+STRESS_EXPONENT = 4.0
+
+
+@dataclass(frozen=True)
+class _Vehicles:
+    """How some vehicles are made, their log parameters (t, p) and relative contact errors (t, na), None without."""
+
+    make: MakesVehicles
+    sets: np.ndarray
+    contact_error: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class _Drive:
+    """Every draw over every realisation of a road: forces (T, na, n) [N], static loads (na, n), extremes (na, n)."""
+
+    forces: SamplesByAxlesBySets
+    static_N: np.ndarray
+    extremes: dict[str, np.ndarray]
+
+
+def course_heights(course: RoadCourse, realisation: int, track_m: float = TRACK_M) -> tuple[np.ndarray, np.ndarray]:
+    """Stations (n,) from 0 and heights (tracks, n) of one realisation of a road [m]; a measured one has one track."""
+    if course.roughness is not None:
+        return class_road(course.roughness, course.length_m, course.seed + realisation, track_m=track_m)
+    assert course.height_m is not None
+    return course.step_m * np.arange(course.height_m.size), course.height_m[None]
+
+
+def predict_road(
+    state: FitState,
+    request: PredictionRequest,
+    sets: DrawsByParameters,
+    vehicles: VehicleDraws | None,
+    driven: DrivenRange,
+    stops: AssumedStops | None,
+    progress: Progress = unwatched,
+) -> PassPrediction:
+    """Axle loads of one pass over a rough road, for a point estimate or for posterior draws.
+
+    The planar truck feels the mean of both tracks.  Every draw is driven over all realisations of the road; its
+    measures are over all of them.
+
+    Parameters
+    ----------
+    request : with a road.
+    sets : (n, p) log parameters; `vehicles`, `driven`, `stops` as for
+        :func:`sysid.prediction.predict_passes.predict_pass`.
+
+    Raises
+    ------
+    CampaignError
+        If the pass would take too long.
+    DataRejectedError
+        If forces are not finite.
+    """
+    campaign, course = state.campaign, request.road
+    assert course is not None
+    speed = request.speed_m_s
+    x = np.array([axle.x_m for axle in campaign.vehicle.axles])
+    duration = (course.length_m + x.max()) / speed
+    if duration > limits.ROAD_SECONDS:
+        raise CampaignError(
+            f"The pass over {course.label} takes {duration:.3g} s at {3.6 * speed:.3g} km/h, at most "
+            f"{limits.ROAD_SECONDS:g} s are predicted; choose a higher speed or a shorter road."
+        )
+    roads, tracks = [], []
+    for k in range(course.realisations):
+        station, height = course_heights(course, k)
+        tracks.append((station, height))
+        roads.append(_felt(state, request, station, height.mean(axis=0)))
+    samples = int(np.ceil(duration / INTERVAL_S)) + 1
+    time = INTERVAL_S * np.arange(samples)
+    place = speed * time[:, None] - x
+    on_road = (place >= 0.0) & (place <= course.length_m)
+    batch, wanted = _batch(campaign, request, roads[0])
+    groups = _groups(state, batch, wanted, sets, vehicles, stops)
+    found: list[dict[str, np.ndarray]] = []
+    bands: list[np.ndarray] = []
+    kept = 0
+    for number, group in enumerate(groups):
+        drives = []
+        for k, road in enumerate(roads):
+            progress(f"{course.label}", (number + k / len(roads)) / len(groups))
+            drives.append(_driven_over(state, request, group, road, samples))
+        if kept < BAND_DRAWS:
+            # The bands are of the first realisation; single precision is far beyond what the model knows.
+            bands.append(drives[0].forces[..., : BAND_DRAWS - kept].astype(np.float32))
+            kept += bands[-1].shape[-1]
+        found.append(_measures(drives, on_road, x / speed / INTERVAL_S))
+    measured = {name: np.concatenate([f[name] for f in found], axis=-1) for name in found[0]}
+    static = batch.matrices.static_load[0, :, 0]
+    return _prediction(
+        campaign,
+        request,
+        _loads(course, tracks, measured),
+        time,
+        np.concatenate(bands, axis=-1),
+        measured,
+        static,
+        driven,
+        stops if vehicles is None else vehicles.stops,
+        max(0.0 if road.harsh else road.misfit for road in roads),
+    )
+
+
+def _felt(state: FitState, request: PredictionRequest, station: np.ndarray, height: np.ndarray) -> FeltRoad:
+    campaign, point = state.campaign, state.point
+    cases = campaign.load_cases
+    return felt_road(
+        station,
+        height,
+        campaign.vehicle,
+        cases[request.load_case],
+        next(iter(cases.values())),
+        point.tires or declared_tires(campaign.vehicle),
+        point.contact,
+    )
+
+
+def _batch(campaign: Campaign, request: PredictionRequest, road: FeltRoad) -> tuple[PassBatch, Pass]:
+    """The pass of the vehicle with declared masses."""
+    vehicle, cases = campaign.vehicle, campaign.load_cases
+    wanted = Pass(request.load_case, request.bump, hold_s=SPEED_HOLD_S)
+    first = next(iter(cases.values()))
+    return (
+        PassBatch(
+            pass_matrices(load_case_matrices(vehicle, cases, [wanted]), [wanted], []),
+            road.stretch_of(-1.0, 0.5, 0.0),
+            np.array([axle.x_m for axle in vehicle.axles])[:, None],
+            np.array(first.axle_loads_kg)[None, :, None] * vehicle.gravity_m_s2,
+        ),
+        wanted,
+    )
+
+
+def _groups(
+    state: FitState,
+    batch: PassBatch,
+    wanted: Pass,
+    sets: DrawsByParameters,
+    vehicles: VehicleDraws | None,
+    stops: AssumedStops | None,
+) -> list[_Vehicles]:
+    """Vehicles of all draws, some at a time; without `vehicles` all of them are the declared one."""
+    campaign, parameters = state.campaign, state.parameters
+    if vehicles is not None:
+        makers = drawn_vehicles(batch, parameters, vehicles, wanted, batch.road)
+        step = int(np.ceil(len(sets) / len(makers)))
+        error = vehicles.contact_error
+    else:
+        laws = law_inputs(campaign.vehicle, parameters, batch, [wanted.load_case])
+        laws = laws if stops is None else stops.on(laws, 0)
+        step, error = TOGETHER, None
+
+        def same(first: int) -> DrawnVehicles:
+            chosen = np.arange(first, min(first + step, len(sets)))
+            matrices = jax.tree.map(lambda *p: runs_side_by_side(p), *[batch.matrices] * chosen.size)
+            return DrawnVehicles(chosen, matrices, [laws] * chosen.size, batch.road)
+
+        makers = tuple(partial(same, first) for first in range(0, len(sets), step))
+    parts = [slice(k * step, (k + 1) * step) for k in range(len(makers))]
+    return [
+        _Vehicles(make, sets[part], None if error is None else error[part])
+        for make, part in zip(makers, parts, strict=True)
+    ]
+
+
+def _driven_over(state: FitState, request: PredictionRequest, group: _Vehicles, road: FeltRoad, samples: int) -> _Drive:
+    """Forces of some vehicles at the first `samples` instants from where axle 1 meets the road."""
+    some, speed = group.make(), request.speed_m_s
+    x = np.array([axle.x_m for axle in state.campaign.vehicle.axles])
+    count = len(group.sets)
+    stretches = int(np.ceil(samples * INTERVAL_S / STRETCH_S))
+    each = int(np.ceil(samples / stretches))
+    run_up = int(np.ceil((RUN_UP_S + x.max() / speed) / INTERVAL_S))
+    timing = Timing(each + run_up, INTERVAL_S, _HARSH_STEPS if road.harsh else _GENTLE_STEPS)
+    forces = np.empty((samples, x.size, count))
+    static = some.matrices.static_load[:, :, 0].T
+    sets = list(group.sets[:, :, None])
+
+    def stretch(number: int) -> dict[str, np.ndarray]:
+        begin = number * each
+        start_s = (begin - run_up) * INTERVAL_S
+        end_m = speed * (begin + each) * INTERVAL_S + 1.0
+        one = road.stretch_of(speed * start_s, speed * GROWTH_S, end_m)
+        motion = Motion(np.full((count, 1), speed), np.full((count, 1), -start_s))
+        wheels = wheel_road(some.matrices, roads_side_by_side([one] * count), x[:, None], motion, timing)
+        found = histories_of_vehicles(some.matrices, some.laws, wheels, sets, timing)
+        tire, suspension, extension, sunk = (np.asarray(h)[run_up:, :, :, 0] for h in found)
+        check_finite(
+            request, state.parameters, group.sets.T, static[:, 0], *(np.moveaxis(h, 1, 2) for h in (tire, suspension))
+        )
+        if group.contact_error is not None:
+            tire = with_contact_error(tire, static.T, group.contact_error)
+        tire, extension, sunk = (np.moveaxis(h, 1, 2) for h in (tire, extension, sunk))
+        part = forces[begin : begin + each]
+        part[:] = tire[: len(part)]
+        return extremes(sunk, extension, tire, INTERVAL_S)
+
+    found = side_by_side(stretch, range(stretches))
+    together = {name: np.stack([f[name] for f in found]) for name in found[0]}
+    most = {name: v.sum(axis=0) if name == "lift_off_s" else v.max(axis=0) for name, v in together.items()}
+    return _Drive(forces, static, most)
+
+
+def _measures(drives: Sequence[_Drive], on_road: np.ndarray, shift: np.ndarray) -> dict[str, np.ndarray]:
+    """Measures (axles, n) of some draws over all realisations, and of whole vehicles (1, n)."""
+    static, q = drives[0].static_N, STRESS_EXPONENT
+    rows: dict[str, list[np.ndarray]] = {
+        n: [] for n in ("mean", "spread", "most", "least", "load_95", "load_99", "power")
+    }
+    for i in range(len(static)):
+        force = np.concatenate([d.forces[on_road[:, i], i] for d in drives])
+        rows["mean"].append(force.mean(axis=0))
+        rows["spread"].append(force.std(axis=0))
+        rows["most"].append(force.max(axis=0))
+        rows["least"].append(force.min(axis=0))
+        high = np.quantile(force, [0.95, 0.99], axis=0)
+        rows["load_95"].append(high[0])
+        rows["load_99"].append(high[1])
+        rows["power"].append((force**q).mean(axis=0))
+    found = {name: np.array(values) for name, values in rows.items()}
+    at_rest = (static**q).sum(axis=0)
+    found["vehicle_stress"] = found["power"].sum(axis=0, keepdims=True) / at_rest
+    found["road_stress"] = found.pop("power") / static**q
+    together = np.concatenate([_at_one_station(d.forces, shift, q) for d in drives])
+    found["aggregate_95"] = np.quantile(together, 0.95, axis=0, keepdims=True) / at_rest
+    found["coefficient"] = found.pop("spread") / found["mean"]
+    found["mean_ratio"] = found["mean"] / static
+    found["sum_ratio"] = found.pop("mean").sum(axis=0, keepdims=True) / static.sum(axis=0)
+    for name in drives[0].extremes:
+        values = np.stack([d.extremes[name] for d in drives])
+        # Time off the road is that of one realisation, the mean of all.
+        found[name] = values.mean(axis=0) if name == "lift_off_s" else values.max(axis=0)
+    return found
+
+
+def _at_one_station(forces: np.ndarray, shift: np.ndarray, exponent: float) -> np.ndarray:
+    """Sum over the axles of the powers of their forces at every station of the road, (stations, n).
+
+    `shift` (na,): how many samples later than axle 1 each axle passes a station.
+    """
+    whole = np.floor(shift).astype(int)
+    count = len(forces) - int(np.ceil(shift.max())) - 1
+    total = np.zeros((count, forces.shape[2]))
+    for i, (k, share) in enumerate(zip(whole, shift - whole, strict=True)):
+        force = (1.0 - share) * forces[k : k + count, i] + share * forces[k + 1 : k + 1 + count, i]
+        total += force**exponent
+    return total
+
+
+def _loads(
+    course: RoadCourse, tracks: Sequence[tuple[np.ndarray, np.ndarray]], measured: dict[str, np.ndarray]
+) -> RoadLoads:
+    lines = [(station, height) for station, heights in tracks for height in heights]
+    classes = [c for c in (class_of_profile(*line) for line in lines) if c is not None]
+    density = float(np.exp(np.mean([np.log(d) for _, d in classes]))) if classes else None
+    return RoadLoads(
+        load_95_N=quantiles(measured["load_95"]),
+        load_99_N=quantiles(measured["load_99"]),
+        road_stress=quantiles(measured["road_stress"]),
+        vehicle_stress=quantiles(measured["vehicle_stress"]),
+        aggregate_95=quantiles(measured["aggregate_95"]),
+        exponent=STRESS_EXPONENT,
+        length_m=course.length_m,
+        realisations=course.realisations,
+        roughness_index_mm_m=float(np.mean([roughness_index(*line) for line in lines])),
+        density_m3=density,
+        road_class=None if density is None else class_of_density(density),
+    )
+
+
+def _prediction(
+    campaign: Campaign,
+    request: PredictionRequest,
+    loads: RoadLoads,
+    time: np.ndarray,
+    band: np.ndarray,
+    measured: dict[str, np.ndarray],
+    static: np.ndarray,
+    driven: DrivenRange,
+    stops: AssumedStops | None,
+    misfit: float,
+) -> PassPrediction:
+    force = quantiles(band)
+    ratio = quantiles(measured["most"] / static[:, None])
+    names = ("tire_deflection_m", "jounce_m", "rebound_m", "damper_speed_m_s", "lift_off_s")
+    reached = Reached(request.speed_m_s, **{n: np.median(measured[n], axis=-1) for n in names})
+    acting = {} if stops is None else stops.acting(measured["jounce_m"], measured["rebound_m"])
+    trust = extrapolations(reached, driven, request.load_case, acting)
+    said = remarks(campaign, request, trust, float(np.median(measured["sum_ratio"])), acting)
+    if misfit > HARSH:
+        said += (
+            f"{request.bump}: the road has edges that a tire does not smooth as the model takes it; loads there may be "
+            f"off by {100.0 * misfit:.0f} % of the static load. Cut the road to {MOST_HARSH_M:g} m about them.",
+        )
+    return PassPrediction(
+        load_case=request.load_case,
+        speed_m_s=request.speed_m_s,
+        time_s=np.round(time, 6),
+        tire_force_q05_N=None if force.q05 is None else force.q05.T,
+        tire_force_q50_N=force.q50.T,
+        tire_force_q95_N=None if force.q95 is None else force.q95.T,
+        static_load_N=static,
+        peak_ratio_q05=ratio.q05,
+        peak_ratio_q50=ratio.q50,
+        peak_ratio_q95=ratio.q95,
+        lift_off=(measured["least"] <= 0.0).mean(axis=1) >= 0.5,
+        warnings=said,
+        load_coefficient=quantiles(measured["coefficient"]),
+        lift_off_s=quantiles(measured["lift_off_s"]),
+        jounce_m=quantiles(measured["jounce_m"]),
+        rebound_m=quantiles(measured["rebound_m"]),
+        impulse_ratio=quantiles(measured["mean_ratio"]),
+        shape=request.bump,
+        trust=trust,
+        road=loads,
+    )
