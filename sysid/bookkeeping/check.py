@@ -15,6 +15,7 @@ from sysid.bookkeeping.measured import measured_values
 from sysid.bookkeeping.names import name_complaints
 from sysid.bookkeeping.places import Places, place_complaints, runs_without_bump, second_passes
 from sysid.bookkeeping.pressures import pressure_complaints
+from sysid.bookkeeping.sampling import sampling_complaints
 from sysid.bookkeeping.sensors import SensorFault, place_of_frame_sensors, sensor_complaints
 from sysid.bookkeeping.usual import BALANCED, MASSES, declared_values
 from sysid.bookkeeping.wheels import bump_complaints, filter_complaint, hop_frequencies, unsprung_exchanged
@@ -72,6 +73,7 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
         said += [fault.said for fault in faults]
         said += _sentences(lambda: place_of_frame_sensors(runs, there))
     said += _sentences(lambda: filter_complaint(runs, campaign.acquisition.filter))
+    said += sampling_complaints(runs, campaign.acquisition.filter)
     declared = declared_values(campaign)
     # All that follows rests on the places of the axles, and the balance of the frames on what enters it.
     spectra = [] if places.said else [s for run in runs if (s := run_spectra(run, vehicle)) is not None]

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid.bookkeeping.drop_cases import load_case_complaints
+from sysid.bookkeeping.drop_cases import clear_balances, load_case_complaints, odd_repeats
 from sysid.bookkeeping.force_balance import RunSpectra, frame_rise
 from sysid.bookkeeping.masses import stiffness_of
 from sysid.campaign.records import Campaign, PlankDrop
@@ -44,7 +44,9 @@ def drop_complaints(campaign: Campaign, spectra: Sequence[RunSpectra]) -> list[s
     if released:
         return [released]
     said: list[str] = []
-    wrong = load_case_complaints(campaign, spectra)
+    told = clear_balances(campaign, spectra)
+    wrong = load_case_complaints(campaign, told)
+    said += [] if wrong else odd_repeats(campaign, told)
     for case in dict.fromkeys(d.load_case for d, _ in known):
         if case in wrong:
             said.append(wrong[case])

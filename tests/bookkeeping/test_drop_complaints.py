@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from half_car import HalfCar, write_campaign
 
 from sysid.bookkeeping import drop_cases, drops
 from sysid.bookkeeping.drops import compressions, drop_complaints
@@ -95,3 +96,64 @@ def test_a_drop_with_a_gap_in_its_decay_tells_no_frequency(truck) -> None:
         drop_cases._frequency_hz(replace(drop, log=replace(drop.log, channels=tuple(map(lose, drop.log.channels)))))
         is None
     )
+
+
+@pytest.fixture(scope="module")
+def half_car(tmp_path_factory):
+    """Drops of a half car moved by its own equations, and a load case that is 1.86 times as heavy."""
+    car = HalfCar(friction=(100.0, 100.0))
+    campaign = read_campaign(write_campaign(tmp_path_factory.mktemp("half_car"), car))
+    empty = campaign.load_cases["empty"]
+    heavier = tuple(1.86 * (a - u) + u for a, u in zip(empty.axle_loads_kg, car.unsprung, strict=True))
+    laden = replace(
+        empty,
+        name="laden",
+        axle_loads_kg=heavier,
+        sprung_mass_kg=(1.86 * car.mass,),
+        pitch_inertia_kg_m2=(1.86 * car.inertia,),
+    )
+    drops_of = tuple(replace(d, release="plank", plank_height_m=0.075, lifted=()) for d in campaign.plank_drops)
+    return replace(campaign, load_cases={"empty": empty, "laden": laden}, plank_drops=drops_of)
+
+
+def of_modes(campaign, listed: str = "empty", springs: float = 1.0) -> dict[str, str]:
+    """Complaints about drops that are listed under a load case, where runs show springs times a factor."""
+    car = HalfCar()
+    found = SimpleNamespace(
+        unexplained=0.05, stiffness=springs * np.array(car.stiffness), damping=springs**0.5 * np.array(car.damping)
+    )
+    moved = tuple(replace(d, load_case=listed) for d in campaign.plank_drops)
+    return drop_cases.load_case_complaints(
+        replace(campaign, plank_drops=moved), dict.fromkeys(campaign.load_cases, found)
+    )
+
+
+def test_all_drops_listed_under_another_load_are_named_by_their_modes(half_car) -> None:
+    """The k of the drops would be 690 kN/m where the runs say 370: neighbours and pitch are in the modes."""
+    assert of_modes(half_car) == {}
+    sentence = of_modes(half_car, listed="laden")["laden"]
+    assert (
+        "'front' and 'rear' are listed under the load case 'laden', but ring as with the masses of 'empty'" in sentence
+    )
+    assert "Correct load_case in tests.plank_drop" in sentence
+
+
+@pytest.mark.parametrize(("springs", "factor"), [(0.5, "2"), (1.7, "0.6")])
+def test_no_axle_has_two_stiffnesses_under_one_load(half_car, springs: float, factor: str) -> None:
+    alone = replace(half_car, load_cases={"empty": half_car.load_cases["empty"]})
+    sentence = of_modes(alone, springs=springs)["empty"]
+    assert f"springs {factor} times as stiff as those that the bump runs show" in sentence
+    assert of_modes(alone, springs=1.15) == {}
+
+
+def test_a_repeat_of_another_truck_is_odd(half_car, tmp_path) -> None:
+    """The third drop was made with a body of 0.4 times the mass: its k would be 2.5 times that of the others."""
+    car = HalfCar(friction=(100.0, 100.0))
+    lighter = replace(car, mass=0.4 * car.mass, inertia=0.4 * car.inertia)
+    other = read_campaign(write_campaign(tmp_path, lighter, repeats=1)).plank_drops[-1]
+    odd = replace(other, release="plank", load_case="empty", lifted=(), log=replace(other.log, file="odd.csv"))
+    found = SimpleNamespace(stiffness=np.array(car.stiffness), damping=np.array(car.damping))
+    told = {"empty": found}
+    assert drop_cases.odd_repeats(half_car, told) == []
+    (sentence,) = drop_cases.odd_repeats(replace(half_car, plank_drops=(*half_car.plank_drops, odd)), told)
+    assert sentence.startswith("odd.csv rings unlike the other drops of 'rear'")
