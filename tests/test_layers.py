@@ -63,6 +63,7 @@ ROOMS = {
 #: Files of such a package outside its rooms.
 NO_ROOM = {
     "campaign": {
+        "clipping",
         "declared",
         "factors",
         "findings",

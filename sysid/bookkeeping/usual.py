@@ -7,10 +7,11 @@ say what is likely. Where none is cited they are general knowledge of the field.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import combinations, pairwise
 
 from sysid.bookkeeping.elimination import Declared, Derived
+from sysid.bookkeeping.usual_suspensions import LOG_SD, hitch_shares, suspension_values
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import Axle, LoadCase, Vehicle
 from sysid.wording import shorten
@@ -40,18 +41,23 @@ GYRATION = (0.07, 0.75)
 HEIGHT_M, HITCH_M = (0.35, 2.8), (0.3, 1.7)
 #: Place of a hitch over the distance of the outer axles of the body in front: fifth wheels, and drawbars behind.
 HITCH_PLACE = (0.3, 2.0)
+#: A hitch that carries more than this share of the weight behind it is a fifth wheel: above the tires, at this height
+#: [m] at least, and at most at this place on a tractor.
+LOADED, FIFTH_WHEEL_M, BETWEEN = 0.15, 0.7, 1.15
+#: Sprung mass over the distance of the outermost supports [kg/m]: empty vans and trailers, and heavy haulers.
+KG_PER_M = (60.0, 20e3)
 #: Distance of neighbouring axles over the sum of the radii of their tires.
 APART = (0.9, math.inf)
 #: Travels of neighbours within this distance [m].
 NEIGHBOURS_M, ALIKE = 2.0, (0.6, 1.0 / 0.6)
 TRAVEL_MM = (10.0, 220.0)
-PLANK_MM = (15.0, 250.0)
-#: Standard deviations of priors: one tells something, and leaves something to be found.
-LOG_SD = (0.01, 4.0)
+PLANK_MM = (22.0, 250.0)
 #: Bending modes of frames: frequency [Hz] and share of critical damping.
 BENDING_HZ, BENDING_DAMPING = (2.0, 35.0), (0.002, 0.3)
 #: Speeds over bumps [km/h]: crawling trucks, and more than anybody drives over one.
 SPEED_KM_H = (0.1, 100.0)
+#: Speeds to predict [km/h]: below, a bump is a static load.
+PREDICTED_KM_H = (3.0, 100.0)
 #: Inertia of a body in a load case over that in a lighter one, of the same sprung mass and of a larger one.
 SAME_MASS, SAME = 0.01, (0.8, 1.25)
 HEAVIER = (0.9, 12.0)
@@ -65,12 +71,13 @@ def declared_values(campaign: Campaign) -> list[Derived]:
         *(d for i in range(len(vehicle.axles)) for d in _tires(vehicle, i, campaign)),
         *(d for case in campaign.load_cases.values() for d in _of_load_case(vehicle, case)),
         *_between_load_cases(campaign),
-        *_frames(vehicle),
-        *_hitches(vehicle),
+        *_frames(vehicle, hitch_shares(campaign)),
+        *_hitches(vehicle, hitch_shares(campaign)),
         *_alike(vehicle),
         *_distances(vehicle),
         *_beams(vehicle),
         *_of_tests(campaign),
+        *suspension_values(campaign),
     ]
 
 
@@ -176,6 +183,8 @@ def _of_load_case(vehicle: Vehicle, case: LoadCase) -> Iterator[Derived]:
             gyration = math.sqrt(inertia.value / mass.value) / span
             what = f"the radius of gyration {where}, over the distance of its outermost supports, is"
             yield Derived(what, gyration, *GYRATION, "", {inertia: 0.5, mass: -0.5})
+            what = f"the sprung mass {where}, over the distance of its outermost supports, is"
+            yield Derived(what, mass.value / span, *KG_PER_M, "kg/m", {mass: 1.0})
         height = in_case("cg_height_m", vehicle, b, case, case.cg_height_m[b])
         yield _alone(height, f"the centre of gravity {where} is above ground by", HEIGHT_M, "m")
 
@@ -203,8 +212,8 @@ def _between_load_cases(campaign: Campaign) -> Iterator[Derived]:
                     yield Derived(f"the {what} of '{shorten(body.name)}' in {names} is", ratio, *HEAVIER, "", powers)
 
 
-def _frames(vehicle: Vehicle) -> Iterator[Derived]:
-    for body in vehicle.bodies:
+def _frames(vehicle: Vehicle, on_hitch: Mapping[int, float]) -> Iterator[Derived]:
+    for b, body in enumerate(vehicle.bodies):
         of = f"'{shorten(body.name)}'"
         if body.bending is not None:
             number = Declared("bending.frequency_hz", of, body.bending.frequency_hz)
@@ -213,10 +222,12 @@ def _frames(vehicle: Vehicle) -> Iterator[Derived]:
             yield _alone(number, f"the damping ratio of the bending frame {of} is", BENDING_DAMPING, "")
         if body.hitch_height_m is not None:
             number = Declared("hitch_height_m", f"'{shorten(body.name)}'", body.hitch_height_m)
-            yield _alone(number, f"the hitch of '{shorten(body.name)}' is above ground by", HITCH_M, "m")
+            low = FIFTH_WHEEL_M if on_hitch.get(b, 0.0) > LOADED else HITCH_M[0]
+            what = f"the hitch of '{shorten(body.name)}' is above ground by"
+            yield _alone(number, what, (low, HITCH_M[1]), "m")
 
 
-def _hitches(vehicle: Vehicle) -> Iterator[Derived]:
+def _hitches(vehicle: Vehicle, on_hitch: Mapping[int, float]) -> Iterator[Derived]:
     """Hinges lie between the axles of the body in front or behind them, and in front of the axles of their own body."""
     for b, body in enumerate(vehicle.bodies):
         front = [a.x_m for a in vehicle.axles if a.body == b - 1]
@@ -226,7 +237,9 @@ def _hitches(vehicle: Vehicle) -> Iterator[Derived]:
         share = (body.hitch_x_m - min(front)) / (max(front) - min(front))
         name = f"'{shorten(vehicle.bodies[b - 1].name)}'"
         what = f"the place of the hitch of {number.of}, over the distance of the outer axles of {name}, is"
-        yield Derived(what, max(share, 1e-9), *HITCH_PLACE, "", {number: 1.0})
+        # A tractor carries its load between its axles; the first trailer of two may carry it behind them.
+        furthest = BETWEEN if b == 1 and on_hitch.get(b, 0.0) > LOADED else HITCH_PLACE[1]
+        yield Derived(what, max(share, 1e-9), HITCH_PLACE[0], furthest, "", {number: 1.0})
 
 
 def _alike(vehicle: Vehicle) -> Iterator[Derived]:
@@ -284,7 +297,7 @@ def _of_tests(campaign: Campaign) -> Iterator[Derived]:
         yield _alone(number, "the anti-alias filter cuts off at", (4.0, math.inf), "Hz")
     for i, request in enumerate(campaign.predictions):
         number = Declared("speed_km_h", f"tests.prediction[{i + 1}]", 3.6 * request.speed_m_s)
-        yield _alone(number, "a truck passes the bump at", SPEED_KM_H, "km/h")
+        yield _alone(number, "a truck passes the bump at", PREDICTED_KM_H, "km/h")
         if request.shape is not None and request.shape.height_m is not None:
             number = Declared("shape.height_m", f"tests.prediction[{i + 1}]", request.shape.height_m)
             yield _alone(number, "the bump to predict is high", (5.0, 300.0), "mm", 1e3)

@@ -77,7 +77,7 @@ def unsprung_exchanged(hop_hz: Mapping[int, float], vehicle: Vehicle) -> str | N
             one, two = (shorten(vehicle.axles[k].name) for k in (i, j))
             return (
                 f"The wheels of '{one}' and '{two}' hop as if each axle had the unsprung_mass_kg of the other; "
-                "check whether the two are exchanged."
+                "check whether the two are exchanged, or tire_stiffness_N_per_m of one of them."
             )
     return None
 

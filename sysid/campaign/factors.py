@@ -30,6 +30,8 @@ _OF_UNIT = MappingProxyType(
         "kPa": ((1e-2, "in bar"), (0.1450377, "in psi"), (1e3, "in Pa"), (1e-3, "in MPa"), (0.980665e-2, "in kgf/cm2")),
         "hz": ((2.0 * math.pi, "in rad/s"), (60.0, "in 1/min"), (1e-3, "in kHz")),
         "s": ((1e3, "in ms"),),
+        "m_s": ((1e3, "in mm/s"), (3.6, "in km/h")),
+        "N": ((1e-3, "in kN"), (1.0 / 9.80665, "in kgf"), (1.0 / 4.44822, "in lbf"), (0.5, "of one side")),
     }
 )  # fmt: skip
 _ANY = (2.0, 2.2, 2.20462, 3.28084, 3.6, 9.80665, 10.0, 12.0, 25.4, 39.3701, 100.0, 101.972, 1000.0)

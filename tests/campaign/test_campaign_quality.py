@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from scipy.signal import butter, sosfiltfilt
 
 from sysid.campaign import Campaign, Channel, Log, check_quality, quality_table, read_campaign
+from sysid.campaign.clipping import clip_levels
 from sysid.campaign.quality.check import noise_peak
-from sysid.campaign.quality.defects import clip_levels, dead_spans, spikes
+from sysid.campaign.quality.defects import dead_spans, spikes
 from sysid.wording import say_once
 
 RUN = "bump_runs/case1_unloaded_16kmh_run1.csv"

@@ -6,11 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid.campaign.clipping import mark_clipped
 from sysid.campaign.gaps import readings_at
 from sysid.campaign.records import AUXILIARY_KINDS, Channel
 from sysid.wording import shorten
 
 SIDE_DISAGREEMENT = 0.3  # roll makes left and right differ by less than this on a bump taken straight
+#: A bump is crossed by both sides within this time [s].
+_LATEST_S = 0.06
+#: Correlations of sides that move alike, and the other way round; factor by which equal sides do not differ.
+_ALIKE, _SURELY, _FACTOR = 0.8, 0.5, 1.9
 
 
 def join_sides(channels: list[Channel], label: str, messages: list[str]) -> list[Channel]:
@@ -46,19 +51,14 @@ def _mean_of_sides(one: Channel, two: Channel, label: str, messages: list[str]) 
                 "nothing."
             )
             return alive
+    if one.sensor.kind not in AUXILIARY_KINDS:
+        # The mean of a clipped and a whole side has no flat top by which it could be seen later.
+        one, two = (_with_clipping(side, label, messages) for side in (one, two))
     two = _at_times_of(one, two)
     mean = 0.5 * (one.value + two.value)
-    difference = one.value - two.value
-    both = np.isfinite(mean)
-    if both.sum() > 1:
-        # What does not vibrate is compared by its level.
-        size_of = _rms if one.sensor.kind in AUXILIARY_KINDS else np.std
-        spread, size = float(size_of(difference[both])), float(size_of(mean[both]))
-        if spread > SIDE_DISAGREEMENT * 2.0 * size:
-            messages.append(
-                f"{label}: left and right ({names}) differ by {spread / max(size, 1e-300):.1f} times the size of their "
-                "mean; check sign, unit and mounting of both sensors."
-            )
+    said = _disagreement(one, two)
+    if said:
+        messages.append(f"{label}: left and right ({names}) {said}")
     # A bound on one side bounds the mean only if the other side does not point the opposite way.
     upper = (one.censored == 1) | (two.censored == 1)
     lower = (one.censored == -1) | (two.censored == -1)
@@ -73,6 +73,72 @@ def _mean_of_sides(one: Channel, two: Channel, label: str, messages: list[str]) 
         full_scale=min(scales) if len(scales) == 2 else None,
     )
     return Channel(sensor, one.time_s, mean, censored)
+
+
+def _with_clipping(side: Channel, label: str, messages: list[str]) -> Channel:
+    """The side with readings marked where it clips without having declared a range."""
+    if side.censored.any():
+        return side
+    censored = side.censored.copy()
+    level = mark_clipped(side.value, censored)
+    if level is None:
+        return side
+    shown = f"{level / side.sensor.unit_in_si:.4g} {side.sensor.unit}"
+    messages.append(
+        f"{label}: '{shorten(side.sensor.column)}' is clipped at {shown}; "
+        f"{np.count_nonzero(censored)} readings count as bounds. Give its range."
+    )
+    return replace(side, censored=censored)
+
+
+def _disagreement(one: Channel, two: Channel) -> str | None:
+    """How two sides differ, as the rest of a sentence; None where they do not differ by more than roll makes them.
+
+    The largest correlation over small shifts tells the causes apart: it is high where unit or scale are wrong or the
+    bump is crossed at an angle, negative where a sign is, and low where the sides move differently.
+    """
+    both = np.isfinite(one.value) & np.isfinite(two.value) & (one.censored == 0) & (two.censored == 0)
+    if np.count_nonzero(both) < 2:
+        return None
+    left, right = one.value[both], two.value[both]
+    # What does not vibrate is compared by its level.
+    vibrates = one.sensor.kind not in AUXILIARY_KINDS
+    size_of = np.std if vibrates else _rms
+    spread, size = float(size_of(left - right)), float(size_of(0.5 * (left + right)))
+    if spread <= SIDE_DISAGREEMENT * 2.0 * size:
+        return None
+    apart = f"differ by {spread / max(size, 1e-300):.1f} times the size of their mean; "
+    if not vibrates:
+        return f"{apart}check unit and scale of both sensors."
+    step_s = float(np.median(np.diff(one.time_s)))
+    shift, correlation = _best_shift(left, right, round(_LATEST_S / step_s))
+    ratio = float(np.std(right) / max(np.std(left), 1e-300))
+    if _correlation(left, right) < -_SURELY and correlation < _ALIKE:
+        return f"{apart}they move against each other: check the sign of both sensors."
+    if correlation < _ALIKE:
+        return f"{apart}they move differently, as where the truck rolls or one of them is loose; their mean is used."
+    if not 1.0 / _FACTOR < ratio < _FACTOR:
+        return f"{apart}the second reads {ratio:.3g} times the first: check unit and scale of both sensors."
+    if shift:
+        return (
+            f"{apart}the second moves {1e3 * shift * step_s:+.0f} ms after the first: the bump is crossed at an angle, "
+            "or one of them is delayed."
+        )
+    return f"{apart}their shape is the same: the truck rolls, or one of them is mounted elsewhere; their mean is used."
+
+
+def _best_shift(left: np.ndarray, right: np.ndarray, most: int) -> tuple[int, float]:
+    """Steps by which the second follows the first, and their correlation then."""
+    shifts = range(-min(most, left.size // 4), min(most, left.size // 4) + 1)
+    found = {s: _correlation(left[max(-s, 0) : left.size - max(s, 0)], right[max(s, 0) :][: left.size - abs(s)])
+             for s in shifts}  # fmt: skip
+    best = max(found, key=lambda s: (round(found[s], 3), -abs(s)))
+    return best, found[best]
+
+
+def _correlation(one: np.ndarray, two: np.ndarray) -> float:
+    a, b = one - one.mean(), two - two.mean()
+    return float(a @ b / max(float(np.sqrt((a @ a) * (b @ b))), 1e-300))
 
 
 def _at_times_of(one: Channel, two: Channel) -> Channel:

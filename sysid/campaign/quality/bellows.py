@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.campaign.quality.defects import quantum
+from sysid.campaign.clipping import quantum
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor
 from sysid.wording import shorten
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import ndtri
 
+from sysid.campaign.clipping import mark_clipped
 from sysid.campaign.findings import ChannelFinding, QualityReport, Verdict
 from sysid.campaign.gaps import parted, unseen
 from sysid.campaign.passage.speed import speed_complaint
@@ -265,13 +266,7 @@ def _mark_clipping(
     unit = channel.sensor.unit
     level = channel.sensor.full_scale if censored.any() else None
     if not censored.any():
-        upper, lower = defects.clip_levels(value)
-        slack = 0.25 * defects.quantum(value)
-        if upper is not None:
-            censored[value >= upper - slack] = 1
-        if lower is not None:
-            censored[value <= lower + slack] = -1
-        level = max((abs(v) for v in (upper, lower) if v is not None), default=None)
+        level = mark_clipped(value, censored)
         if level is not None:
             declared = channel.sensor.full_scale
             against = "" if declared is None else f", far below its range of {declared / unit_scale:.4g} {unit}"

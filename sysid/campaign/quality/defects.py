@@ -1,4 +1,4 @@
-"""Defects that one channel shows by itself: clipping, dead and lost spans, spikes, noise, rest level."""
+"""Defects that one channel shows by itself: dead and lost spans, spikes, noise, rest level."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.campaign.clipping import runs_of
 from sysid.campaign.records import Channel
 
 DEAD_S = 0.25  # a live sensor does not repeat one value for longer than this
@@ -17,9 +18,6 @@ SPIKE_SIGMA = 15.0  # typical departures: no motion of a truck does so in one sa
 # Typical departures around a spike: an axle that chatters above the filter's cut-off departs by three of them again and
 # again, a lost contact on a moving truck by more than ten.
 SPIKE_AROUND = 6.0
-# Readings in a row that count as clipped: with a noise of 15 steps three of them are equal by chance once in 3,000
-# peaks, and a campaign has a few hundred peaks; four, once in 150,000.
-CLIPPED_ROW = 4
 MOVING_SHARE = 0.08  # of the largest departure: smooth motion of that size at the start is no rest
 # Scatter over range, median over the channels of a log: 0.003 to 0.008 while a truck stands or rolls on a smooth road,
 # 0.02 to 0.3 after it has met a bump or fallen off a plank.
@@ -44,57 +42,6 @@ def timing(time_s: np.ndarray, sample_interval_s: float) -> Timing:
     jitter = float(np.max(np.abs(steps - whole * sample_interval_s), initial=0.0))
     gaps = tuple((float(time_s[i]) + sample_interval_s, int(whole[i]) - 1) for i in np.flatnonzero(whole > 1.5))
     return Timing(1.0 / sample_interval_s, jitter, gaps)
-
-
-def runs_of(mask: np.ndarray) -> list[tuple[int, int]]:
-    """First and past-the-last index of every run of True."""
-    edges = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
-    return list(zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True))
-
-
-def quantum(value: np.ndarray) -> float:
-    """Smallest step between different readings: the resolution of the written digits."""
-    levels = np.unique(value[np.isfinite(value)])
-    if levels.size < 2:
-        return 0.0
-    steps = np.diff(levels)
-    return float(np.min(steps[steps > 1e-9 * np.ptp(levels)], initial=np.inf))
-
-
-def clip_levels(value: np.ndarray) -> tuple[float | None, float | None]:
-    """Levels (upper, lower) at which a channel clips without having declared it, None where it does not.
-
-    A clipped channel has many readings at its extreme: four or more in a row, or some at several peaks. They are more
-    than the readings in the next 2 % of its range. A signal that only reaches a peak, smooth or noisy, has more
-    readings in that range. A resolution coarser than 0.5 % of the range piles up by itself and is not judged.
-
-    Parameters
-    ----------
-    value : (n,) readings, NaN where missing.
-    """
-    q = quantum(value)
-    finite = value[np.isfinite(value)]
-    if finite.size < 20 or q <= 0.0 or not np.isfinite(q) or q > 5e-3 * np.ptp(finite):
-        return None, None
-    upper = _clip_side(value, q)
-    lower = _clip_side(-value, q)
-    lower = None if lower is None else -lower
-    # Amplifiers clip at +- the same level: one reading there is enough on the second side.
-    if upper is not None and lower is None and abs(float(finite.min()) + upper) < 0.75 * q:
-        lower = float(finite.min())
-    if lower is not None and upper is None and abs(float(finite.max()) + lower) < 0.75 * q:
-        upper = float(finite.max())
-    return upper, lower
-
-
-def _clip_side(value: np.ndarray, q: float) -> float | None:
-    top = float(np.nanmax(value))
-    at_top = value >= top - 0.25 * q
-    just_below = (value > top - 0.02 * np.ptp(value[np.isfinite(value)])) & ~at_top
-    # A resolution of a hundredth of the range meets its top more than once by chance, but not twice in a row.
-    lengths = [stop - start for start, stop in runs_of(at_top)]
-    in_a_row = max(lengths) >= CLIPPED_ROW or sum(n >= 2 for n in lengths) >= 2 or at_top.sum() >= 8
-    return top if at_top.sum() >= 3 and in_a_row and at_top.sum() > just_below.sum() else None
 
 
 def dead_spans(

@@ -1,0 +1,60 @@
+"""Sensors on both sides of one place that differ: what is said, by cause, and that roll is no wrong sign."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sysid.campaign.inputs.log_sides import join_sides
+from sysid.campaign.records import Channel, Sensor
+
+TIME = 0.005 * np.arange(1000)
+SINCE = np.maximum(TIME - 1.5, 0.0)
+
+
+def moved(time: np.ndarray) -> np.ndarray:
+    """An axle on a bump: hop at 11 Hz and the body at 2 Hz."""
+    since = np.maximum(time - 1.5, 0.0)
+    return 30.0 * np.exp(-6.0 * since) * np.sin(69.0 * since) + 3.0 * np.exp(-1.5 * since) * np.sin(12.6 * since)
+
+
+def said(right: np.ndarray, censored: np.ndarray | None = None) -> list[str]:
+    """Messages about a left sensor with the motion above, and a right one."""
+    none = np.zeros(TIME.size, np.int8)
+    pair = [
+        Channel(Sensor(side, "axle_acceleration", "m/s^2", axle=0, side=side), TIME, value, marks)
+        for side, value, marks in (
+            ("left", moved(TIME), none),
+            ("right", right, none if censored is None else censored),
+        )
+    ]
+    messages: list[str] = []
+    join_sides(pair, "run.csv", messages)
+    return messages
+
+
+CAUSES = {
+    "check the sign": -moved(TIME),
+    "reads 9.81 times the first: check unit": 9.80665 * moved(TIME),
+    "+20 ms after the first: the bump is crossed at an angle": moved(TIME - 0.02),
+    "they move differently, as where the truck rolls": moved(TIME) * np.cos(40.0 * SINCE),
+    "the truck rolls, or one of them is mounted elsewhere": 1.88 * moved(TIME),
+}
+
+
+@pytest.mark.parametrize(("words", "right"), CAUSES.items(), ids=CAUSES)
+def test_the_cause_is_named(words: str, right: np.ndarray) -> None:
+    (sentence,) = said(right)
+    assert words in sentence
+    assert ("sign" in sentence) == (words == "check the sign")
+
+
+def test_clipped_readings_and_gaps_of_one_side_are_not_compared() -> None:
+    motion = moved(TIME)
+    clipped = np.clip(np.round(motion, 2), -8.0, 8.0)
+    (sentence,) = said(clipped)
+    assert "'right' is clipped at 8 m/s^2" in sentence
+    assert said(clipped, np.sign(motion - clipped).astype(np.int8)) == []
+    gap = np.where((SINCE > 0.02) & (SINCE < 0.4), np.nan, motion)
+    assert said(gap) == []
+    assert said(1.3 * motion) == []
