@@ -40,6 +40,7 @@ ReasonKind = Literal[
     "no_fit",
     "parts_disagree",
     "unexplained",
+    "impossible_value",
     "sampler",
     "undetermined",
     "wide",

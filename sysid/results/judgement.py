@@ -98,6 +98,7 @@ def _unexplained(results: Results) -> list[Reason]:
                     f"does to {listing(untold)}.",
                 )
             )
+        reasons += [Reason("impossible_value", s) for s in results.fit.impossible]
     if results.posterior is not None:
         reasons += [Reason("sampler", w) for w in results.posterior.against_intervals]
     return reasons

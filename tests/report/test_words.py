@@ -72,6 +72,7 @@ def test_nothing_against_it_is_a_yes():
         ({"fit": replace(small_fit(), parts=parts(-0.015, 0.01))}, "use_within", "Yes, within limits", False),
         ({"fit": replace(small_fit(), parts=parts(-0.025, 0.01))}, "do_not_bet", "Do not bet on them", True),
         ({"fit": replace(small_fit(), parts=parts(-0.025, 0.03))}, "use", "Yes", False),
+        ({"fit": replace(small_fit(), impossible=("slip = 7.7 m.",))}, "do_not_bet", "Do not bet on them", True),
         # Just below the limit, as it is printed, and where nothing is known.
         ({"fit": replace(small_fit(), misfit=MISFIT - 0.006)}, "use", "Yes", False),
         ({"fit": replace(small_fit(), misfit=math.nan)}, "use", "Yes", False),

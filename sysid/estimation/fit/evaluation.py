@@ -11,9 +11,11 @@ from scipy.optimize import least_squares as scipy_least_squares
 from sysid.arrays import Parameters, ParametersByParameters, UnknownsOfFit
 from sysid.campaign.clocks.moved import on_moved_clocks
 from sysid.campaign.records import Campaign
+from sysid.campaign.statics import carried_by_suspensions
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit.fit_result import FitResult, MassCheck, UndecidedLaw
 from sysid.estimation.fit.found_bushings import found_bushings
+from sysid.estimation.fit.implausible_values import implausible_values
 from sysid.estimation.fit.minimiser import Minimum
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions
@@ -92,6 +94,8 @@ def evaluate_optimum(
     determined = assess(estimates, shared, adjusted.data)
     checks = _mass_checks(allowances.masses, adjusted.response, shared)
     warnings = fit_warnings(minimum, (optimum.misfit, optimum.over_instruments), halving, difference, determined)
+    implausible = implausible_values(estimates, _carried(campaign))
+    values = (*implausible.impossible, *implausible.contradict)
     point = replace(_fit_point(problem, vector, adjusted, shared), clocks=optimum.clocks)
     fit = FitResult(
         parameters=estimates,
@@ -112,8 +116,9 @@ def evaluate_optimum(
         model_error_inflation=float(np.sqrt(np.mean(adjusted.inflation))),
         contact=CONTACT_LAWS[options.contact].meaning,
         residual_evidence=at_optimum.evidence,
-        warnings=(*found_bushings(allowances, adjusted.response, shared), *warnings, *_mass_warnings(checks)),
-        doubts=(*numerical_doubts(halving, difference), *_mass_warnings(checks)),
+        warnings=(*found_bushings(allowances, adjusted.response, shared), *warnings, *_mass_warnings(checks), *values),
+        doubts=(*numerical_doubts(halving, difference), *_mass_warnings(checks), *implausible.contradict),
+        impossible=implausible.impossible,
         masses=checks,
         identifiability=determined,
         misfit=optimum.misfit,
@@ -121,6 +126,13 @@ def evaluate_optimum(
         parts=adjusted.parts.differences,
     )
     return fit, FitState(campaign, point, model)
+
+
+def _carried(campaign: Campaign) -> dict[int, float]:
+    """Load [N] that the suspension of every axle carries in the first load case, by axle index."""
+    vehicle, first = campaign.vehicle, next(iter(campaign.load_cases.values()))
+    sprung = np.array(first.axle_loads_kg) - vehicle.unsprung_mass_kg
+    return dict(enumerate(carried_by_suspensions(vehicle) @ sprung * vehicle.gravity_m_s2))
 
 
 @dataclass(frozen=True)

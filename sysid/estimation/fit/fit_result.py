@@ -141,6 +141,8 @@ class FitResult(Tabular):
     - `doubts` are those `warnings` that make the values doubtful and that none of the other fields says: numerical
       errors, declared masses that the data contradict, a likely mistake in the campaign file;
     - `parts` says of stiffness and damping how far parts of the data disagree;
+    - `impossible` are those `warnings` that name values that no truck has
+      (:mod:`sysid.estimation.fit.implausible_values`);
     - `misfit` is the median over channels and runs of residual over noise. The noise is that of the instruments, or
       what the channels show before the bump.
     """
@@ -171,6 +173,7 @@ class FitResult(Tabular):
     misfit: float = float("nan")
     undeclared_frames: tuple[UndeclaredFrame, ...] = ()
     doubts: tuple[str, ...] = ()
+    impossible: tuple[str, ...] = ()
     parts: tuple[PartDifference, ...] = ()
 
     @property
