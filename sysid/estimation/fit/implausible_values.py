@@ -70,15 +70,15 @@ def implausible_values(parameters: Sequence[ParameterEstimate], carried_N: Mappi
         elif far:
             contradict.append(
                 f"The data require {p.name} = {number(p.value, 3)} {p.unit}, {number(abs(distance), 2)} standard "
-                f"deviations of its prior from {number(p.prior_median, 3)} {p.unit}. Check what was declared or dropped, "
-                "or widen the prior."
+                f"deviations of its prior from {number(p.prior_median, 3)} {p.unit}. "
+                "Check what was declared or dropped, or widen the prior."
             )
     return ImplausibleValues(tuple(impossible), tuple(contradict))
 
 
 def _limit(p: ParameterEstimate, carried_N: Mapping[int, float]) -> str:
     """The physical limit that a value exceeds, in words; empty if none."""
-    if p.quantity == "friction" and p.axle in carried_N and p.value > MOST_FRICTION * carried_N[p.axle]:
+    if p.quantity == "friction" and p.axle is not None and p.value > MOST_FRICTION * carried_N[p.axle]:
         return f"{number(p.value / carried_N[p.axle], 2)} times the load carried"
     if p.quantity == "slip_length" and p.value > LONGEST_SLIP_M:
         return "longer than the stroke of a suspension allows"
