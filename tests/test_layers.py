@@ -43,7 +43,7 @@ LEVELS = (
     {"first_look", "vehicle_model"},
     {"estimation"},
     {"posterior"},
-    {"prediction", "selftest", "validation"},
+    {"balance", "prediction", "selftest", "validation"},
     {"planning", "estimates"},
     {"plot", "results"},
     {"export"},

@@ -22,8 +22,22 @@ from itertools import pairwise
 import numpy as np
 
 from sysid.balance.laws import (
-    ASYMMETRY, CURVE, DAMPING, FRICTION, SATURATION, SLIP, SLOPE, SOFTNESS, STIFFNESS, STOP,
-    Shapes, Unknown, damper_shape, delayed, friction_state, stop_ramp,
+    ASYMMETRY,
+    CURVE,
+    DAMPING,
+    FRICTION,
+    SATURATION,
+    SLIP,
+    SLOPE,
+    SOFTNESS,
+    STIFFNESS,
+    STOP,
+    Shapes,
+    Unknown,
+    damper_shape,
+    delayed,
+    friction_state,
+    stop_ramp,
 )  # fmt: skip
 from sysid.balance.motion import Gains, Motion, Stretch, edge_taper, smoother, vertical_columns
 from sysid.campaign.vehicle_records import Vehicle
@@ -47,7 +61,7 @@ _STEPS = {SATURATION: 1e-2, SOFTNESS: 1e-8, SLIP: 1e-2}
 
 @dataclass(frozen=True)
 class Passage:
-    """What is known of a record besides its readings: file, load case, speed [m/s] and its holding time constant [s]."""
+    """A record besides its readings: file, load case, speed [m/s] and the time constant with which it is held [s]."""
 
     file: str
     load_case: str
@@ -141,7 +155,7 @@ def _bands(count: int) -> list[tuple[int, int]]:
         edges.append(min(count, edges[-1] + max(_BAND_BINS, int(_BAND_WIDTH * (edges[-1] + _BAND_BINS)))))
     if len(edges) > 2 and edges[-1] - edges[-2] < _BAND_BINS:
         edges.pop(-2)
-    return list(zip(edges[:-1], edges[1:], strict=True))
+    return list(pairwise(edges))
 
 
 def shape_bases(block: Block, shapes: Shapes) -> None:
@@ -268,7 +282,9 @@ def pushed(block: Block, horizontal: np.ndarray) -> np.ndarray:
     through = np.conj(np.swapaxes(np.conj(answer), 1, 2))
     still = -through @ (m.mass[np.ix_(along, columns)] @ block.inertia[0]).T[:, :, None]
     levers = through @ m.travel[:, along].T - m.travel[:, columns].T
-    return np.concatenate([np.moveaxis(still, 2, 0), np.moveaxis(levers * horizontal.T[:, None, :], 2, 0)]).swapaxes(1, 2)
+    return np.concatenate([np.moveaxis(still, 2, 0), np.moveaxis(levers * horizontal.T[:, None, :], 2, 0)]).swapaxes(
+        1, 2
+    )
 
 
 def departure_shares(omega: np.ndarray) -> np.ndarray:
@@ -319,8 +335,6 @@ def balanced(
     dynamic_stiffness = np.zeros((omega.size, na), complex)
     dynamic = []
     for i in range(na):
-        if block.vehicle.suspension_axle[i] != i:
-            continue
         force = axle_force(block, i, unknowns, values)
         forces[i] = force.force
         dynamic_stiffness[:, i] = force.stiffness + 1j * omega * force.damping
@@ -346,7 +360,9 @@ def balanced(
             place = departures.start + DEPARTURES * i + part
             by[place] = np.outer(attachment[i], share * forces[i])
             dynamic.append((place, i, share * dynamic_stiffness[:, i]))
-    by[departures.stop :] = np.moveaxis((of_readings * block.readings.T[:, None, :]) @ block.of_gains, 0, 2).swapaxes(0, 1)
+    by[departures.stop :] = np.moveaxis((of_readings * block.readings.T[:, None, :]) @ block.of_gains, 0, 2).swapaxes(
+        0, 1
+    )
     left = mass @ acceleration + tilt @ displacement + attachment.T @ forces + beside.sum(axis=0)
     left = left + np.tensordot(others[masses:], by[count + masses :], axes=1)
     noise = whole @ block.covariance @ np.conj(np.swapaxes(whole, 1, 2))

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.campaign.vehicle_records import Axle, LoadCase, Vehicle
+from sysid.campaign.vehicle_records import Axle, Vehicle
 from sysid.estimation.parameters.suspension_elements import law_elements
 from sysid.vehicle_model.suspension import REFERENCE_RATE_M_S
 
@@ -27,7 +27,7 @@ SLOPE, CURVE, STOP = "spring_slope", "spring_curve", "stop_stiffness"
 _WIDE = 3.0
 #: Standard deviations of departures, all assumptions: friction over the carried load (leaf packs 2 to 10 %), logarithm
 #: of rebound over compression, 1/v_s [s/m], 1/stiffness of rubber [m/N], stops [N/m].
-_SD = {FRICTION: 0.05, ASYMMETRY: 0.7, SATURATION: 1.0, SOFTNESS: 3e-7, STOP: 2e6}
+_SD = {FRICTION: 0.05, ASYMMETRY: 0.7, SATURATION: 0.7, SOFTNESS: 3e-7, STOP: 2e6}
 #: Slope a [1/m] and curve b [1/m2] of a spring's rate: bellows, and leaf packs or others.
 _SPRING_SD = {True: (4.0, 40.0), False: (1.5, 15.0)}
 #: Slip length of friction: median [m] and standard deviation of the logarithm, as in the calibration over bumps.
@@ -40,7 +40,12 @@ _ELEMENT_OF = {
     SATURATION: ("asymmetric_damper",), SLOPE: ("gas_spring",), CURVE: ("gas_spring",), STOP: ("bump_stops",),
     SOFTNESS: (),
 }  # fmt: skip
-_LEAST = 0.2
+#: Curves that are declared are not drawn here: departures follow them.
+_DECLARED_CURVES = frozenset({"hanger_lash", "spring_table", "damper_table"})
+UNITS = {
+    STIFFNESS: "N/m", DAMPING: "N s/m", FRICTION: "1", SLIP: "m", ASYMMETRY: "1", SATURATION: "s/m", SOFTNESS: "m/N",
+    SLOPE: "1/m", CURVE: "1/m2", STOP: "N/m",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -57,12 +62,10 @@ class Unknown:
     sd: float
 
 
-def unknowns_of(vehicle: Vehicle, load_cases: Mapping[str, LoadCase], carried_N: Mapping[str, np.ndarray]) -> list[Unknown]:
+def unknowns_of(vehicle: Vehicle, carried_N: Mapping[str, np.ndarray]) -> list[Unknown]:
     """Unknowns of all suspensions in the load cases of the records, `carried_N` (na,) of each."""
     found = []
     for i, axle in enumerate(vehicle.axles):
-        if vehicle.suspension_axle[i] != i:
-            continue
         air = axle.suspension == "air"
         first = next(iter(carried_N.values()))[i] / _STATIC_M[air]
         cases: Sequence[str | None] = list(carried_N) if axle.load_dependent else [None]
@@ -86,6 +89,8 @@ def _has(axle: Axle, quantity: str) -> bool:
     if axle.suspension_law is None:
         return True
     elements = law_elements(axle.suspension_law)
+    if elements & _DECLARED_CURVES:
+        return True
     return any(e in elements for e in _ELEMENT_OF[quantity])
 
 
@@ -116,9 +121,13 @@ def friction_state(deflection: np.ndarray, slip_m: float) -> np.ndarray:
 
 
 def damper_shape(rate: np.ndarray | float, saturation: float) -> np.ndarray:
-    """s(|v|) sgn(v) V / s(V) [m/s] of rates [m/s]."""
-    size = np.maximum(1.0 + saturation * np.abs(rate), _LEAST)
-    return np.asarray(rate / size * max(1.0 + saturation * REFERENCE_RATE_M_S, _LEAST))
+    """s(|v|) sgn(v) V / s(V) [m/s] of rates [m/s]; s = v / (1 + kappa v), and v (1 - kappa v) of a progressive one."""
+
+    def factor(speed: np.ndarray | float) -> np.ndarray | float:
+        bent = 1.0 + abs(saturation) * speed
+        return 1.0 / bent if saturation > 0.0 else bent
+
+    return np.asarray(rate * factor(np.abs(rate)) / factor(REFERENCE_RATE_M_S))
 
 
 def delayed(rate: np.ndarray, delay_s: float, step_s: float) -> np.ndarray:

@@ -127,9 +127,7 @@ def stretches_of(log: Log, matrices: PlanarMatrices) -> list[Stretch]:
         count = _fast(last - first)
         if count * step >= SHORTEST_S:
             readings = values[kept, first : first + count]
-            found.append(
-                replace(whole, start_s=first * step, readings=readings - readings.mean(axis=1, keepdims=True))
-            )
+            found.append(replace(whole, start_s=first * step, readings=readings - readings.mean(axis=1, keepdims=True)))
     return found
 
 

@@ -27,8 +27,8 @@ from sysid.balance.equations import (
     shape_bases,
     suspension_forces,
 )
-from sysid.balance.motion import stretching
 from sysid.balance.laws import DAMPING, SATURATION, SLIP, SLIP_M, SOFTNESS, STIFFNESS, Shapes, Unknown
+from sysid.balance.motion import stretching
 
 #: Rounds of the search, the first ones for linear springs and dampers alone; shapes, horizontal forces and unexplained
 #: ones are renewed in each.
@@ -43,15 +43,14 @@ _UPDATES, _FLOOR = 6, 1e-7
 
 @dataclass(frozen=True)
 class Found:
-    """End of a search: `values` (p,) of the laws, `others` (m + 7 na + g,) of masses, horizontal forces, departures and gains in their prior sd.
+    """End of a search: `values` (p,) of the laws, and their `covariance` with that of all others, laws first.
 
-    `covariance` of both, of laws first; `scores` (bands of all blocks, p + m + 7 na + g) derivatives of -log L; `converged`.
+    `others` (m + 7 na + g,) are masses, horizontal forces, departures and gains in prior standard deviations.
     """
 
     values: np.ndarray
     others: np.ndarray
     covariance: np.ndarray
-    scores: np.ndarray
     rounds: int
     converged: bool
 
@@ -87,14 +86,14 @@ def search(blocks: Sequence[Block], unknowns: Sequence[Unknown], considered: np.
     limit = np.array([_STEP if u.quantity in (STIFFNESS, DAMPING, SLIP) else u.sd for u in unknowns])
     linear = np.array([u.quantity in (STIFFNESS, DAMPING) for u in unknowns])
     converged, rounds, moved = False, 0, np.inf
-    covariance, information, scores = np.eye(sd.size), np.eye(sd.size), np.zeros((0, sd.size))
+    covariance, information = np.eye(sd.size), np.eye(sd.size)
     for rounds in range(1, _ROUNDS + 1):
         horizontal = _renewed(blocks, unknowns, values)
         # Far from the end, departures would explain what wrong springs leave.
         free = np.concatenate([linear | (rounds > _LINEAR), ~considered & (rounds > _LINEAR)])
         now = [balanced(b, unknowns, values, h, beside) for b, h in zip(blocks, horizontal, strict=True)]
-        _explain(blocks, now, first=not scores.size)
-        information, score, scores = _information(blocks, now, np.concatenate([values, beside]), sd, count)
+        _explain(blocks, now, first=rounds == 1)
+        information, score = _information(blocks, now, np.concatenate([values, beside]), sd, count)
         covariance = np.zeros_like(information)
         covariance[np.ix_(free, free)] = np.linalg.inv(information[np.ix_(free, free)])
         step = -covariance @ score
@@ -105,7 +104,7 @@ def search(blocks: Sequence[Block], unknowns: Sequence[Unknown], considered: np.
             converged = True
             break
     carried = covariance @ information[:, count:][:, considered]
-    return Found(values, beside, covariance + carried @ carried.T, scores, rounds, converged)
+    return Found(values, beside, covariance + carried @ carried.T, rounds, converged)
 
 
 def _renewed(blocks: Sequence[Block], unknowns: Sequence[Unknown], values: np.ndarray) -> list[np.ndarray]:
@@ -141,10 +140,9 @@ def _explain(blocks: Sequence[Block], now: Sequence[Balanced], first: bool) -> N
 
 def _information(
     blocks: Sequence[Block], now: Sequence[Balanced], point: np.ndarray, sd: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Expected information (n, n), score (n,) of -log posterior, and the scores of every band (bands, n)."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Expected information (n, n) and score (n,) of -log posterior."""
     information, score = np.diag(1.0 / sd**2), point / sd**2
-    of_bands = []
     for block, found in zip(blocks, now, strict=True):
         cover = np.repeat(block.unexplained, [b - a for a, b in block.bands], axis=0)
         root = np.linalg.inv(np.linalg.cholesky(found.noise + cover))
@@ -154,18 +152,15 @@ def _information(
         flat = weighed.reshape(-1, sd.size)
         flat = np.concatenate([flat.real, flat.imag])
         information += 2.0 * flat.T @ flat
-        single = 2.0 * np.sum(np.conj(weighed) * left, axis=1).real
-        single += _of_matrices(block, found, cover, root, left, sd.size, count)
-        summed = np.array([single[a:b].sum(axis=0) for a, b in block.bands])
-        of_bands.append(summed)
-        score = score + summed.sum(axis=0)
-    return information, score, np.concatenate(of_bands)
+        score = score + 2.0 * np.sum(np.conj(weighed) * left, axis=(0, 1)).real
+        score = score + _of_matrices(block, found, cover, root, left, sd.size, count)
+    return information, score
 
 
 def _of_matrices(
     block: Block, found: Balanced, cover: np.ndarray, root: np.ndarray, left: np.ndarray, size: int, count: int
 ) -> np.ndarray:
-    """Score (F, size) beside that of e: by k, c and masses through A, and by gains through what readings share with e.
+    """Score (size,) beside that of e: by k, c and masses through A, and by gains through what readings share with e.
 
     d(-log L) = 2 Re tr[(C A^H (S^-1 - r r^H) - [A_u^-1; 0]) dA],    r = S^-1 e,
     and for a gain, whose column of e is T_s y_s, less its mean 2 Re T_s^H S^-1 (R A_u^-H K_s^H + T_s sigma_s^2).
@@ -177,19 +172,20 @@ def _of_matrices(
     turned = block.covariance @ np.conj(np.swapaxes(found.whole, 1, 2)) @ inner
     inverse = np.linalg.inv(found.whole[:, :, :nu])
     turned[:, :nu] -= inverse
-    score = np.zeros((block.omega.size, size))
-    rows = stretching(block.matrices)
-    of_axle = [turned @ above @ row for above, row in zip(block.matrices.attachment[:, block.columns], rows, strict=True)]
+    score = np.zeros(size)
+    aboves = block.matrices.attachment[:, block.columns]
+    of_axle = [turned @ above @ row for above, row in zip(aboves, stretching(block.matrices), strict=True)]
     for j, axle, stiffness in found.dynamic:
-        score[:, j] += 2.0 * (stiffness * of_axle[axle]).real
-    pairs = turned[:, :nu].swapaxes(1, 2).reshape(-1, nu * nu).real
+        score[j] += 2.0 * float((stiffness @ of_axle[axle]).real)
+    pairs = turned[:, :nu].swapaxes(1, 2)
+    still, moving = pairs.sum(axis=0).real, np.einsum("f,fab->ab", block.omega**2, pairs).real
     for j, change in enumerate(block.changes):
         if change is not None:
-            score[:, count + j] = 2.0 * (pairs @ change.tilt.ravel() - block.omega**2 * (pairs @ change.mass.ravel()))
+            score[count + j] = 2.0 * float(np.sum(still * change.tilt) - np.sum(moving * change.mass))
     sensors = found.of_readings
     seen = (1j * block.omega[:, None]) ** block.stretch.derivatives
     by_body = seen[:, :, None] * block.stretch.rows[:, :nu]
     common = cover @ np.conj(np.swapaxes(by_body @ inverse, 1, 2)) + sensors * block.stretch.noise**2
-    mean = 2.0 * np.sum(np.conj(sensors) * (precision @ common), axis=1).real
-    score[:, size - block.of_gains.shape[1] :] = -mean @ block.of_gains
+    mean = 2.0 * np.sum(np.conj(sensors) * (precision @ common), axis=(0, 1)).real
+    score[size - block.of_gains.shape[1] :] = -mean @ block.of_gains
     return score

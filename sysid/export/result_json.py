@@ -65,6 +65,7 @@ def result_document(results: Results) -> dict[str, Any]:
             {"channel": s.column, "factor": _number(s.factor), "factor_sd": _number(s.factor_sd), "runs": s.runs}
             for s in (() if results.quality is None else results.quality.speed_sensors)
         ],
+        "balance": _balance(results),
     }
 
 
@@ -131,6 +132,38 @@ def _drop(estimate: DropEstimate) -> dict[str, Any]:
         "friction_force_sd": _number(estimate.friction_force_sd),
         "quadratic_damping": _number(estimate.quadratic_damping),
         "quadratic_damping_sd": _number(estimate.quadratic_damping_sd),
+    }
+
+
+def _balance(results: Results) -> dict[str, Any] | None:
+    balance = results.balance
+    if balance is None:
+        return None
+    from sysid.balance.evidence import disagreement
+
+    beside = {} if results.fit is None else {d.name: d for d in disagreement(balance, results.fit)}
+    return {
+        "estimates": [
+            {
+                "name": e.name,
+                "axle": _axle(e.axle),
+                "quantity": e.quantity,
+                "load_case": e.load_case,
+                "unit": e.unit,
+                "value": _number(e.value),
+                "q05": _number(e.low),
+                "q95": _number(e.high),
+                "determined": e.determined,
+                "from_fit_in_sd": _number(beside[e.name].in_sd) if e.name in beside else None,
+            }
+            for e in balance.estimates
+        ],
+        "logs": [
+            {"file": r.file, "load_case": r.load_case, "used_s": r.used_s, "unexplained": _number(r.unexplained)}
+            for r in balance.records
+        ],
+        "converged": balance.converged,
+        "messages": list(balance.sentences),
     }
 
 

@@ -17,6 +17,7 @@ from sysid.tabular import Tabular
 if TYPE_CHECKING:
     import pandas as pd
 
+    from sysid.balance.records import ForceBalance
     from sysid.estimates.records import Estimates
     from sysid.estimates.suspension_values import AxleEstimates, Quantity
     from sysid.estimation.fit.fit_result import FitResult
@@ -82,6 +83,7 @@ class Results(Tabular):
     """Results of all stages that have run; a stage that has not run yet is None (no scans: an empty mapping).
 
     - `scans` maps the name of a bump to its analysis;
+    - `balance` is the force balance, which knows no road;
     - `estimates` holds what drops, fit and posterior say of the truck, `driven` what the driven runs reached;
     - `further` holds results of stages without a field here, by name;
     - `unfinished` names stages that are still running or were stopped, and whose result is what they have got so far;
@@ -96,6 +98,7 @@ class Results(Tabular):
     campaign: Campaign
     quality: QualityReport | None = None
     drops: DropSummary | None = None
+    balance: ForceBalance | None = None
     scans: Mapping[str, ScanAnalysis] = field(default_factory=dict)
     fit: FitResult | None = None
     posterior: Posterior | None = None

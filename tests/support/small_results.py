@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sysid.balance.records import BalancedRecord, BalanceEstimate, ForceBalance, LawEstimate
 from sysid.campaign.findings import ChannelFinding, QualityReport
 from sysid.campaign.records import Acquisition, BumpRun, Campaign, Channel, Log, PlankDrop, PredictionRequest, Sensor
 from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
@@ -70,6 +71,7 @@ def small_results(words: Words = Words(), **changes: object) -> Results:
         "campaign": small_campaign(w),
         "quality": _quality(w),
         "drops": _drops(w),
+        "balance": small_balance(w),
         "scans": {w.bump: _scan(w)},
         "fit": fit,
         "posterior": _posterior(fit),
@@ -88,6 +90,14 @@ def small_results(words: Words = Words(), **changes: object) -> Results:
         },
     }
     return with_estimates(Results(**(fields | changes)))  # type: ignore[arg-type]
+
+
+def small_balance(w: Words = Words()) -> ForceBalance:
+    """k of the first axle by the force balance."""
+    k = BalanceEstimate("k_1", "stiffness", 0, None, "N/m", 4.1e5, 3.9e5, 4.3e5, 0.03)
+    law = LawEstimate("friction_share", 0, "1", 0.04, 0.01)
+    record = BalancedRecord(w.run_file.format(1), w.empty, 6.5, 0.02)
+    return ForceBalance((k,), (law,), (record,), (w.message,), True, 9)
 
 
 def with_estimates(results: Results) -> Results:

@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-from small_results import small_advice, small_campaign, small_fit, small_profile, small_results
+from small_results import small_advice, small_balance, small_campaign, small_fit, small_profile, small_results
 
 from sysid import array_file
 from sysid.estimation.fit.state import FitPoint
@@ -57,6 +57,7 @@ def every_result() -> dict[str, Any]:
     return {
         "check": found.quality,
         "drops": found.drops,
+        "balance": small_balance(),
         "scan": dict(found.scans),
         "fit": small_kept_fit(),
         "left_out": {"a": left},

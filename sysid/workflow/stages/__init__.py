@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from sysid.workflow.stage import Ending, Stage
+from sysid.workflow.stages.balance import BALANCE
 from sysid.workflow.stages.data import CHECK, DROPS, SCAN
 from sysid.workflow.stages.endings import EXPORT, REPORT
 from sysid.workflow.stages.estimates import ESTIMATES
@@ -18,6 +19,7 @@ from sysid.workflow.stages.posterior import BANDS, SAMPLE
 STAGES: tuple[Stage[Any], ...] = (
     CHECK,
     DROPS,
+    BALANCE,
     SCAN,
     FIT,
     LEFT_OUT,
@@ -36,6 +38,7 @@ RECORDS: tuple[Stage[Any] | Ending, ...] = (*STAGES, *ENDINGS)
 
 __all__ = [
     "ADVISE",
+    "BALANCE",
     "BANDS",
     "CHECK",
     "DRIVEN",

@@ -1,0 +1,69 @@
+"""Results of the force balance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+#: Widest 90 % interval of a value that counts as determined, upper over lower end (an assumption): a factor of 1.5.
+DETERMINED = 1.5
+
+
+@dataclass(frozen=True)
+class BalanceEstimate:
+    """k or c of one suspension: `name` like ``k_1`` or ``k_2[loaded]``, `quantity` ``stiffness`` or ``damping``.
+
+    `value` in `unit`, `low` and `high` the ends of its 90 % interval, `log_sd` the standard deviation of its logarithm;
+    `axle` is an index, `load_case` None where it is shared.
+    """
+
+    name: str
+    quantity: str
+    axle: int
+    load_case: str | None
+    unit: str
+    value: float
+    low: float
+    high: float
+    log_sd: float
+
+    @property
+    def determined(self) -> bool:
+        """Whether the records tell it within a factor of 1.5."""
+        return self.high < DETERMINED * self.low
+
+
+@dataclass(frozen=True)
+class LawEstimate:
+    """One departure from a linear spring and damper: `value` and `sd` in `unit`; `axle` None for all axles."""
+
+    quantity: str
+    axle: int | None
+    unit: str
+    value: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class BalancedRecord:
+    """One log: seconds that are used, and forces that no law explains over the inertia forces (RMS, 0.7 to 15 Hz)."""
+
+    file: str
+    load_case: str
+    used_s: float
+    unexplained: float
+
+
+@dataclass(frozen=True)
+class ForceBalance:
+    """k and c of all suspensions from the balance of forces on the bodies.
+
+    `sentences` say what is missing or not determined; without `estimates` they say why. `converged` is about the
+    search, which took `rounds`.
+    """
+
+    estimates: tuple[BalanceEstimate, ...]
+    laws: tuple[LawEstimate, ...]
+    records: tuple[BalancedRecord, ...]
+    sentences: tuple[str, ...]
+    converged: bool
+    rounds: int
