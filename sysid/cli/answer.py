@@ -27,7 +27,7 @@ def show_run(results: Results, report: Path) -> Blocks:
     yield from _suspension(results)
     yield from _loads(results)
     judgement = results.judgement or judge(results)
-    yield f"Can you use them? {answer_words(results, judgement)}."
+    yield f"Can you use k and c? {answer_words(results, judgement)}."
     for number, reason in enumerate(judgement.reasons[:_REASONS], start=1):
         yield f"  {number}. {reason}"
     more = len(judgement.reasons) - _REASONS
@@ -75,7 +75,7 @@ def _loads(results: Results) -> Iterator[TextTable | str]:
             _axle(results.campaign, load.axle),
             fixed(load.static_N / 1e3, 1),
             _plus_minus(load.peak_N, load.low_N, load.high_N) + ("*" if load.beyond else ""),
-            f"{100.0 * load.ratio:.0f} %",
+            f"{fixed(100.0 * load.ratio, 0)} %",
             load.pass_name,
         )
     yield table

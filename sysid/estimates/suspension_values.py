@@ -23,7 +23,8 @@ Source = Literal["paper", "corrected", "free_decay", "model", "fitted", "posteri
 class Estimate:
     """One value with its 90 % interval in SI units; `low` and `high` are NaN where no interval is known.
 
-    `kind` names the interval in words; `note` says why a value is missing or what it means.
+    `kind` names the interval in words; `note` says why a value is missing or what it means; `alone` is False for a drop
+    that is not to be used without the fit.
     """
 
     source: Source
@@ -34,6 +35,7 @@ class Estimate:
     usable: bool = True
     identified: bool = True
     note: str = ""
+    alone: bool = True
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,15 @@ def _from_drop(e: DropEstimate, quantity: Quantity) -> Estimate:
     low, high = _interval(value, sd, logarithmic)
     high = max(high, value + Z90 * sd)
     return Estimate(
-        e.method, value, max(low, 0.0), high, "90 % interval of repeats and tolerances", e.usable, True, e.note
+        e.method,
+        value,
+        max(low, 0.0),
+        high,
+        "90 % interval of repeats and tolerances",
+        e.usable,
+        True,
+        e.note,
+        not e.caution,
     )
 
 

@@ -25,10 +25,17 @@ from sysid.plot.posterior import (
     trace,
     traces,
 )
-from sysid.plot.predictions import load_ratio, load_ratio_against_speed, load_ratios, suspension_force
+from sysid.plot.predictions import (
+    axle_load_against_speed,
+    load_ratio,
+    load_ratio_against_speed,
+    load_ratios,
+    suspension_force,
+)
 from sysid.plot.road import effective_profile, profile, scan
 from sysid.plot.style import axle_color, figure, figure_of, label, shared_legend
 from sysid.plot.svg import svg_element, svg_file
+from sysid.plot.truck import truck
 
 __all__ = [
     "FLEET_ROWS",
@@ -38,6 +45,7 @@ __all__ = [
     "Estimate",
     "autocorrelation",
     "axle_color",
+    "axle_load_against_speed",
     "channel_grid",
     "channel_title",
     "comparison",
@@ -76,5 +84,6 @@ __all__ = [
     "svg_file",
     "trace",
     "traces",
+    "truck",
     "truck_map",
 ]

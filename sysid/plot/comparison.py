@@ -7,7 +7,7 @@ import math
 import numpy as np
 from matplotlib.axes import Axes
 
-from sysid.estimates.suspension_values import AxleEstimates, Quantity, Source
+from sysid.estimates.suspension_values import AxleEstimates, Estimate, Quantity, Source
 from sysid.plot.style import INK, axes_or_new, axle_color, label, styled
 
 SOURCES: tuple[Source, ...] = ("paper", "corrected", "free_decay", "model", "fitted", "posterior")
@@ -31,14 +31,22 @@ _MARKERS: dict[Source, str] = {
 
 @styled
 def comparison(rows: tuple[AxleEstimates, ...], quantity: Quantity, ax: Axes | None = None) -> Axes:
-    """Estimates of all axles one below the other: marker = source, colour = axle, bar = 90 % interval."""
+    """Estimates of all axles one below the other: marker = source, colour = axle, bar = 90 % interval.
+
+    Once there is a fit, drops that are not to be used alone are left out: their intervals would set the scale.
+    """
     ax = axes_or_new(ax, 6.4, 0.9 + 0.5 * max(len(rows), 1))
-    present = [s for s in SOURCES if any(s in r.estimates for r in rows)]
+    fitted = any(e.source in ("posterior", "fitted") for r in rows for e in r.estimates.values())
+
+    def shown(e: Estimate | None) -> bool:
+        return e is not None and e.usable and math.isfinite(e.value) and (e.alone or not fitted)
+
+    present = [s for s in SOURCES if any(shown(r.estimates.get(s)) for r in rows)]
     named: set[Source] = set()
     for index, row in enumerate(rows):
         for place, source in enumerate(present):
             e = row.estimates.get(source)
-            if e is None or not (e.usable and math.isfinite(e.value)):
+            if e is None or not shown(e):
                 continue
             y = index + 0.7 * ((place + 0.5) / len(present) - 0.5)
             filled = source in ("posterior", "fitted")

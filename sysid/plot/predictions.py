@@ -12,6 +12,8 @@ from sysid.plot.style import MUTED, axes_grid, axes_or_new, axle_color, outer_la
 if TYPE_CHECKING:
     from sysid.prediction.predicted_passes import PassPrediction, SpeedSweep
 
+#: Colour of the speeds that were driven.
+DRIVEN = "#009e73"
 #: Quantiles 5, 50 and 95 % of a force, (axles, T) each; without draws only the middle one.
 _Force = tuple[np.ndarray | None, np.ndarray, np.ndarray | None]
 
@@ -100,28 +102,57 @@ def suspension_force(prediction: PassPrediction, axle: int, ax: Axes | None = No
 
 
 @styled
+def axle_load_against_speed(sweep: SpeedSweep, static_load_N: np.ndarray, ax: Axes | None = None) -> Axes:
+    """Peak load of every axle against speed [kN], with bands; shaded where runs of this load case were driven.
+
+    Open marks where tire deflection, travel or damper speed of the axle goes beyond what the driven runs reached.
+
+    Parameters
+    ----------
+    static_load_N : static axle loads (axles,) [N] of the load case.
+    """
+    ax = axes_or_new(ax)
+    kilonewtons = np.asarray(static_load_N) / 1e3
+    if sweep.driven_m_s is not None:
+        ax.axvspan(*(3.6 * v for v in sweep.driven_m_s), color=DRIVEN, alpha=0.16, lw=0, label="driven")
+    _draw_against_speed(sweep, kilonewtons, ax)
+    ax.set_ylim(bottom=0.0)
+    ax.set_ylabel("peak axle load [kN]")
+    ax.legend(loc="upper left", ncols=2)
+    return ax
+
+
+@styled
 def load_ratio_against_speed(sweep: SpeedSweep, ax: Axes | None = None) -> Axes:
     """Peak dynamic load ratio of every axle against speed, with bands; grey beyond the speeds that were driven.
 
     Open marks where tire deflection, travel or damper speed of the axle goes beyond what the driven runs reached.
     """
     ax = axes_or_new(ax)
-    speed, ratio = 3.6 * sweep.speed_m_s, sweep.peak_ratio
+    speed = 3.6 * sweep.speed_m_s
     beyond = speed[0] if sweep.driven_m_s is None else 3.6 * sweep.driven_m_s[1]
     if beyond < speed[-1]:
         ax.axvspan(beyond, speed[-1], color=MUTED, alpha=0.12, lw=0, label="not driven")
-    for axle in range(ratio.q50.shape[1]):
-        color = axle_color(axle)
-        if ratio.q05 is not None and ratio.q95 is not None:
-            ax.fill_between(speed, ratio.q05[:, axle], ratio.q95[:, axle], color=color, alpha=0.3, lw=0)
-        ax.plot(speed, ratio.q50[:, axle], color=color, marker="o", ms=3, label=f"axle {axle + 1}")
-        if sweep.beyond is not None:
-            past = sweep.beyond[:, axle]
-            ax.plot(speed[past], ratio.q50[past, axle], ls="", marker="o", ms=3, color=color, mfc="white")
-    if sweep.beyond is not None and sweep.beyond.any():
-        ax.plot([], [], ls="", marker="o", ms=3, color=MUTED, mfc="white", label="beyond the driven runs")
+    _draw_against_speed(sweep, np.ones(sweep.peak_ratio.q50.shape[1]), ax)
     ax.axhline(1.0, color=MUTED, lw=0.8, ls=":")
-    ax.set_xlabel("speed [km/h]")
     ax.set_ylabel("peak dynamic / static load [-]")
     ax.legend(loc="upper left")
     return ax
+
+
+def _draw_against_speed(sweep: SpeedSweep, unit: np.ndarray, ax: Axes) -> None:
+    """Peak ratio of every axle times its `unit` (axles,), with its band where there is one."""
+    speed, ratio = 3.6 * sweep.speed_m_s, sweep.peak_ratio
+    for axle, factor in enumerate(unit):
+        color = axle_color(axle)
+        if ratio.q05 is not None and ratio.q95 is not None:
+            low, high = factor * ratio.q05[:, axle], factor * ratio.q95[:, axle]
+            ax.fill_between(speed, low, high, color=color, alpha=0.3, lw=0)
+        middle = factor * ratio.q50[:, axle]
+        ax.plot(speed, middle, color=color, marker="o", ms=3, label=f"axle {axle + 1}")
+        if sweep.beyond is not None:
+            past = sweep.beyond[:, axle]
+            ax.plot(speed[past], middle[past], ls="", marker="o", ms=3, color=color, mfc="white")
+    if sweep.beyond is not None and sweep.beyond.any():
+        ax.plot([], [], ls="", marker="o", ms=3, color=MUTED, mfc="white", label="beyond the driven runs")
+    ax.set_xlabel("speed [km/h]")

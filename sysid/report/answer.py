@@ -12,7 +12,7 @@ from sysid.estimates.suspension_values import Estimate
 from sysid.numbers import MISSING, decimals, fixed, interval, listing
 from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.results import Results
-from sysid.results.headline import suspension_rows
+from sysid.results.headline import PeakLoad, largest_loads, suspension_rows
 
 if TYPE_CHECKING:
     from sysid.campaign.vehicle_records import LoadCase
@@ -25,12 +25,22 @@ def answer_table(results: Results) -> Table | None:
         return None
     pairs = [(row.stiffness, row.damping) for row in of_axles]
     kinds = dict.fromkeys(e.kind for pair in pairs for e in pair if e)
-    rows = [
-        [axle_name(results, row.axle, row.load_case), *(_cell(e) for e in pair)]
-        for row, pair in zip(of_axles, pairs, strict=True)
-    ]
+    loads = {load.axle: load for load in largest_loads(results)}
+    rows = []
+    for row, pair in zip(of_axles, pairs, strict=True):
+        # The load of an axle stands in its first row.
+        load = loads.pop(row.axle, None)
+        peak = [] if results.predictions is None else [Cell("") if load is None else _peak(load)]
+        rows.append([axle_name(results, row.axle, row.load_case), *(_cell(e) for e in pair), *peak])
     caption = f"Per axle, both sides together; brackets: {listing(list(kinds))}"
-    return table(caption, ("axle", "k [kN/m]", "c [kN s/m]"), rows, classes="answer-table")
+    head = ("axle", "k [kN/m]", "c [kN s/m]", *(() if results.predictions is None else ("peak load [kN]",)))
+    return table(caption, head, rows, classes="answer-table")
+
+
+def _peak(load: PeakLoad) -> Cell:
+    places = decimals(load.peak_N / 1e3)
+    low, high = (None if end is None else end / 1e3 for end in (load.low_N, load.high_N))
+    return Cell(fixed(load.peak_N / 1e3, places), interval(low, high, places), f"of {load.static_N / 1e3:.1f} static")
 
 
 def _cell(e: Estimate | None) -> Cell:

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 _MOST_CORNER = 14
 _MOST_MARGINALS = 48
+#: Passes of which the paper's Figure 9 is shown.
+_MOST_PASSES = 2
 
 
 @dataclass
@@ -365,17 +367,19 @@ def sweep_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     return pictures
 
 
-def suspension_pictures(results: Results, gallery: Gallery) -> list[Picture]:
-    """Suspension force of the first axle in every predicted pass, as in Figure 9b of the paper."""
-    if results.predictions is None:
-        return []
-    return [
-        gallery.picture(
-            partial(plot.suspension_force, p, 0),
-            f"{pass_name(p)}: force of spring, damper and friction of axle 1 on the body, as "
-            "in Figure 9b of the paper.",
-            width="half",
+def paper_pass_pictures(results: Results, gallery: Gallery) -> list[Picture]:
+    """Load ratio and suspension force of the first axle in the predicted passes, Figures 9a and 9b of the paper."""
+    pictures = []
+    for p in () if results.predictions is None else results.predictions.passes[:_MOST_PASSES]:
+        caption = (
+            f"{pass_name(p)}: vertical load of axle 1 over its static load, as in Figure 9a of the paper; 0 is a wheel "
+            "off the ground. Hatched: beyond what the driven runs reached."
         )
-        for p in results.predictions.passes
-        if p.suspension_force_N is not None
-    ]
+        pictures.append(gallery.picture(partial(plot.load_ratio, p, 0), caption, width="half"))
+        if p.suspension_force_N is not None:
+            caption = (
+                f"{pass_name(p)}: force of spring, damper and friction of axle 1 on the body, as in Figure 9b of the "
+                "paper."
+            )
+            pictures.append(gallery.picture(partial(plot.suspension_force, p, 0), caption, width="half"))
+    return pictures

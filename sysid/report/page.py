@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,18 @@ from sysid.estimates.suspension_values import Quantity
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.files import write_text
 from sysid.numbers import number
-from sysid.report import agreement, answer, cells, drop_tables, explorer, figures, knowledge, load_tables, tables
+from sysid.report import (
+    agreement,
+    answer,
+    cells,
+    drop_tables,
+    explorer,
+    figures,
+    first_screen,
+    knowledge,
+    load_tables,
+    tables,
+)
 from sysid.report.skeleton import render_page
 from sysid.report.verdict import verdict
 from sysid.results import Results
@@ -40,13 +52,14 @@ def _content(results: Results) -> dict[str, Any]:
     # The gallery numbers its pictures as they come: the parts stay in this order.
     content = {
         **_answer(results, gallery),
+        **_loads(results, gallery),
+        "comparison": figures.comparison_pictures(results, gallery),
         **_measurements(results, gallery),
         "drop_shown": drop_shown,
         "drop_all": drop_all,
         "history_shown": history_shown,
         "history_all": history_all,
         **_calibration(results, gallery),
-        **_loads(results, gallery),
         **_provenance(results),
         "misfit": MISFIT,
     }
@@ -65,11 +78,26 @@ def _answer(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
         "axle_loads": answer.axle_load_table(results),
         "runs_data": explorer.runs_data(results),
         "passes_data": explorer.passes_data(results),
-        # One counter for the whole page, drawn from in the order of the page.
-        "figure_numbers": itertools.count(1),
+        # Drawn from in the order of the page: figures that are seen and printed, and those that are folded.
+        "figure_numbers": map(str, itertools.count(1)),
+        "folded_numbers": (f"A{i}" for i in itertools.count(1)),
+        "subject": _subject(results),
+        "truck": first_screen.truck_picture(results, gallery),
+        "first_pictures": [
+            *first_screen.speed_picture(results, gallery),
+            *first_screen.worst_picture(results, gallery),
+        ],
         "fit_words": "" if results.fit is None else figures.fit_words(results.fit),
-        "comparison": figures.comparison_pictures(results, gallery),
     }
+
+
+def _subject(results: Results) -> list[str]:
+    """Vehicle, date, place and operator of the test, and the mark of its input files: what a reader files it under."""
+    details = results.campaign.details
+    said = [results.campaign.vehicle.name, details.vehicle_id, details.date, details.place, details.operator]
+    files = "".join(f"{name} {digest}\n" for name, digest in sorted(results.input_sha256.items()))
+    mark = hashlib.sha256(files.encode("utf-8")).hexdigest()[:12]
+    return [*(text for text in said if text), *([f"inputs {mark}"] if files else [])]
 
 
 def _measurements(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
@@ -129,7 +157,7 @@ def _loads(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
         "prediction_tables": load_tables.prediction_tables(results),
         "trust_tables": load_tables.trust_tables(results),
         "prediction_pictures": figures.prediction_pictures(results, gallery),
-        "suspension_pictures": figures.suspension_pictures(results, gallery),
+        "prediction_shown": figures.paper_pass_pictures(results, gallery),
         "sweep_pictures": figures.sweep_pictures(results, gallery),
         "sweep_tables": load_tables.sweep_tables(results),
         "undeclared": [f"axle {i + 1}" for i in undeclared_travel(results)],

@@ -11,7 +11,7 @@ from sysid.numbers import count, interval, listing, number, percent, speed
 from sysid.results import pass_limits
 from sysid.results.contents import Judgement, Results, Trust
 from sysid.results.headline import answer_words
-from sysid.results.judgement import judge, relative_half_width, unidentified_values
+from sysid.results.judgement import in_words, judge, relative_half_width, unidentified_values
 
 Tone = Literal["good", "caution", "stop"]
 
@@ -24,7 +24,12 @@ _QUANTITIES: tuple[tuple[Quantity, str, str], ...] = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """Badge, answer in a word or two, the sentences under the three questions of the first screen, and `notes`."""
+    """What the first screen says.
+
+    Badge, answer in a word or two, the sentences for it, the first of which decides, `notes` on what else to know,
+    `loads` on how far predicted loads can be trusted (empty if nothing is against them), all further `cautions`, each
+    once, and the steps that would help, the next one first; `what` says the numbers in sentences.
+    """
 
     tone: Tone
     badge: str
@@ -33,6 +38,8 @@ class Verdict:
     what: tuple[str, ...]
     use: tuple[str, ...]
     notes: tuple[str, ...]
+    loads: str
+    cautions: tuple[str, ...]
     todo: tuple[str, ...]
     synthetic: bool
 
@@ -48,9 +55,32 @@ def verdict(results: Results) -> Verdict:
         what=tuple(_what(results)),
         use=judgement.reasons,
         notes=judgement.notes,
-        todo=tuple(_todo(results, judgement)),
+        loads=_loads(results),
+        cautions=_cautions(results, judgement),
+        todo=tuple(map(in_words, _todo(results, judgement))),
         synthetic=results.campaign.details.synthetic,
     )
+
+
+def _loads(results: Results) -> str:
+    passes = () if results.predictions is None else results.predictions.passes
+    beyond = sum(bool(p.trust) for p in passes)
+    if not beyond:
+        return ""
+    verb = "goes" if beyond == 1 else "go"
+    return (
+        f"Loads: {beyond} of {count(len(passes), 'predicted pass', 'predicted passes')} {verb} beyond what the driven "
+        "runs reached; loads marked * are extrapolations."
+    )
+
+
+def _cautions(results: Results, judgement: Judgement) -> tuple[str, ...]:
+    """All reasons but the first, notes, and all warnings but those of passes, which stand beside these."""
+    of_passes = set() if results.predictions is None else {w for p in results.predictions.passes for w in p.warnings}
+    warnings = (in_words(w) for w in results.all_warnings if w not in of_passes)
+    sentences = [*judgement.reasons[1:], *judgement.notes, *warnings]
+    said = dict.fromkeys(s for s in sentences if s != judgement.reasons[0])
+    return tuple(said)
 
 
 def _badge(results: Results) -> str:
@@ -141,17 +171,11 @@ def _todo(results: Results, judgement: Judgement) -> list[str]:
         rejected = [f"{c.column} of {c.file}" for c in results.quality.channels if c.verdict == "rejected"]
         if rejected:
             steps.append(f"Check the sensors of {count(len(rejected), 'rejected channel')}: {listing(rejected, 4)}.")
-    if axles := _axles_without_drops(results):
-        steps.append(
-            f"For {listing(axles)} no drop gives a decrement; repeat the drops towed and with the engine off, or rely "
-            "on the fitted values."
-        )
     if unidentified := unidentified_values(results):
         steps.append(f"Add runs at another speed or load to identify {listing(unidentified)}.")
-    if results.advice is not None and results.advice.statements:
-        steps.append(" ".join(results.advice.statements[:2]))
-    elif unidentified:
-        steps.append("Run the stage 'advise': it says which further run or sensor would help most.")
+    advice = " ".join(results.advice.statements[:2]) if results.advice is not None else ""
+    if unidentified:
+        steps.append(advice or "Run the stage 'advise': it says which further run or sensor would help most.")
     steps += pass_limits.remedies(results)
     if results.fit is not None and results.predictions is None and results.campaign.predictions:
         steps.append("Run the stage 'predict' for the wheel loads of the passes in the campaign file.")
@@ -161,6 +185,13 @@ def _todo(results: Results, judgement: Judgement) -> list[str]:
             "Take k and c from parameters.csv"
             + (" and wheel-load histories from predictions/*.csv" if passes else "")
             + "; they are the numbers of this report."
+        )
+    if advice and not unidentified:
+        steps.append(advice)
+    if axles := _axles_without_drops(results):
+        steps.append(
+            f"For {listing(axles)} no drop gives a decrement; repeat the drops towed and with the engine off, or rely "
+            "on the fitted values."
         )
     return steps
 

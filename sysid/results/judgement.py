@@ -8,6 +8,7 @@ are as much as how good the model is, so it decides only where the parts are too
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -42,7 +43,7 @@ def judge(results: Results) -> Judgement:
 
     Warnings of what was left out of the data (rows, channels, runs) are no reasons: the intervals do without it.
     """
-    notes = tuple(_notes(results))
+    notes = tuple(map(in_words, _notes(results)))
     levels: tuple[tuple[Trust, list[Reason]], ...] = (
         ("not_yet", _against(results)),
         ("do_not_bet", _unexplained(results)),
@@ -52,7 +53,29 @@ def judge(results: Results) -> Judgement:
     trust: Trust = next((level for level, reasons in levels if reasons), "use")
     if not found:
         found = [Reason("none", "The calibration has converged, and parts of the data agree about k and c.")]
-    return Judgement(trust, tuple(r.sentence for r in found), tuple(r.kind for r in found), notes)
+    return Judgement(trust, tuple(in_words(r.sentence) for r in found), tuple(r.kind for r in found), notes)
+
+
+#: What a parameter of one axle is called in a sentence, by the first part of its name.
+_NOUNS = {
+    "k": "k",
+    "c": "c",
+    "F": "the dry friction",
+    "q": "the damper's asymmetry",
+    "knee": "the damper's knee",
+    "stop": "the bump stop",
+    "kt": "the tire stiffness",
+    "ct": "the tire damping",
+}
+# Not within names of files or columns.
+_NAME = re.compile(rf"(?<![\w\[./'\-])({'|'.join(_NOUNS)})_(\d+)(?:\[([^\]]*)\])?(?![\w\['\-]|\.\w)")
+
+
+def in_words(sentence: str) -> str:
+    """A sentence with parameters of single axles in words: ``the bump stop of axle 1`` for ``stop_1``."""
+    return _NAME.sub(
+        lambda found: f"{_NOUNS[found[1]]} of axle {found[2]}" + (f" ({found[3]})" if found[3] else ""), sentence
+    )
 
 
 def is_misfit(residual_over_noise: float) -> bool:

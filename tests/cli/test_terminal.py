@@ -159,7 +159,7 @@ def test_the_answer_has_k_c_peak_load_verdict_report_and_next_command() -> None:
     shown = re.search(r"([\d.,]+) ± ([\d.]+)", line)
     assert shown is not None
     np.testing.assert_allclose([float(shown[1]), float(shown[2])], [stiffness[0].value / 1e3, half], rtol=0.02)
-    assert "Can you use them?" in text
+    assert "Can you use k and c?" in text
     assert "out/report.html" in text.replace("\\", "/")
     assert "calibrate.py" in text.splitlines()[-1]
 

@@ -43,6 +43,12 @@ def figures():
         "next_runs": lambda: plot.next_runs(results.advice),
         "load_ratio": lambda: plot.load_ratio(one, 0),
         "load_ratio_against_speed": lambda: plot.load_ratio_against_speed(results.predictions.sweeps[0]),
+        "axle_load_against_speed": lambda: plot.axle_load_against_speed(
+            results.predictions.sweeps[0], [39240.0, 29430.0]
+        ),
+        "truck": lambda: plot.truck(
+            campaign.vehicle, [("k [kN/m]", ["1 ± 2", "3 empty\n4 laden"]), ("at", ["a", "b"])], 1
+        ),
     }
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from scipy import stats
 from small_results import (
     DECREMENT,
@@ -253,6 +254,28 @@ def test_speeds_beyond_the_driven_runs_have_open_marks(results):
     open_marks = [line for line in ax.lines if line.get_markerfacecolor() == "white" and len(line.get_xdata())]
     assert [line.get_xdata().round(6).tolist() for line in open_marks] == [[60.0], [25.0, 60.0]]
     assert "beyond the driven runs" in [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_axle_loads_against_speed_are_ratios_times_static_loads_and_driven_speeds_are_shaded(results):
+    sweep, static = results.predictions.sweeps[0], np.array([40e3, 30e3])
+    ax = plot.axle_load_against_speed(sweep, static)
+    curves = [line for line in ax.lines if line.get_label().startswith("axle ")]
+    for axle, curve in enumerate(curves):
+        np.testing.assert_allclose(curve.get_ydata(), sweep.peak_ratio.q50[:, axle] * static[axle] / 1e3)
+    (shaded,) = [p for p in ax.patches if p.get_label() == "driven"]
+    assert (shaded.get_x(), shaded.get_x() + shaded.get_width()) == pytest.approx([3.6 * v for v in sweep.driven_m_s])
+
+
+def test_the_truck_stands_to_scale_and_a_row_has_one_text_per_axle(results):
+    vehicle = results.campaign.vehicle
+    ax = plot.truck(vehicle, [("k", ["1", "2"])])
+    wheels = [p for p in ax.patches if isinstance(p, Circle) and p.get_radius() > 0.2 * ax.patches[-1].get_radius()]
+    tires = [p for p in wheels if p.get_edgecolor()[3] > 0.0]
+    per_metre = tires[0].get_radius() / vehicle.axles[0].tire_radius_m
+    distance = tires[1].get_center()[0] - tires[0].get_center()[0]
+    assert distance / per_metre == pytest.approx(vehicle.axles[1].x_m - vehicle.axles[0].x_m)
+    with pytest.raises(ValueError, match="one text for each of 2 axles"):
+        plot.truck(vehicle, [("k", ["1"])])
 
 
 def test_estimates_are_matched_to_axles_and_load_cases(results):

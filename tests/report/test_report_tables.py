@@ -150,7 +150,10 @@ def test_answer_has_one_row_per_axle_and_load_case_with_the_best_value():
     names = [(row[0].text, row[0].note) for row in made.rows]
     assert names == [("axle 1", "front axle"), ("axle 2", "rear axle, empty"), ("axle 2", "rear axle, laden")]
     found = {s.name: s for s in results.posterior.summaries}
-    k, c = made.rows[2][1:]
+    k, c, peak = made.rows[2][1:]
+    # The load of an axle stands in its first row.
+    assert peak.text == ""
+    assert all(made.rows[i][3].text for i in (0, 1))
     assert k.text == f"{found['k_2[laden]'].q50 / 1e3:.0f}"
     low, high = (getattr(found["k_2[laden]"], q) / 1e3 for q in ("q05", "q95"))
     assert k.interval == f"[{low:.0f}, {high:.0f}]"

@@ -17,7 +17,7 @@ from sysid.numbers import decimals, fixed, interval, listing, number, percent
 from sysid.prediction.trust import Extrapolation
 from sysid.report.figures import representative_run
 from sysid.report.verdict import verdict
-from sysid.results.judgement import judge
+from sysid.results.judgement import in_words, judge
 
 FRAME = UndeclaredFrame("trailer", 8.0, 7.9, 8.1)
 ROCKER = LoadShare("rocker 1", (0, 1), 0.8, 0.75, 0.85)
@@ -134,8 +134,11 @@ def test_what_fit_sampler_and_bookkeeping_warn_of_lowers_the_verdict(change, tru
     ("change", "sentence"),
     [
         (with_posterior(warnings=("The posterior fits better than the optimum.",)), "fits better than"),
-        (with_groups(UndeterminedGroup(("stop_1", "k_1"), 1, "sum", 0.02)), "stop_1 and k_1 are only"),
-        (with_groups(UndeterminedGroup(("stop_1",), 0, "none", math.nan)), "do not determine stop_1"),
+        (
+            with_groups(UndeterminedGroup(("stop_1", "k_1"), 1, "sum", 0.02)),
+            "bump stop of axle 1 and k of axle 1",
+        ),
+        (with_groups(UndeterminedGroup(("stop_1",), 0, "none", math.nan)), "determine the bump stop of axle 1"),
         (with_pass_warning("No run crossed this bump: an extrapolation."), "No run crossed"),
     ],
 )
@@ -269,6 +272,8 @@ def test_what_a_pass_goes_beyond_is_said_once_with_its_axles():
     v = verdict(replace(results, predictions=replace(results.predictions, passes=(changed,))))
     assert v.answer == "Yes"
     (said,) = v.notes
+    assert v.loads.startswith("Loads: 1 of 1 predicted pass goes beyond")
+    assert verdict(results).loads == ""
     assert "(empty, 48\u00a0km/h: speed, suspension travel of axle 1 and damper speed of every axle)" in said
     assert any("nearer to the extrapolated passes" in s for s in v.todo)
 
@@ -330,3 +335,11 @@ def test_a_value_that_is_zero_but_for_rounding_is_shown_as_zero():
     assert (fixed(3.03e-12, places), interval(0.0, 38.0, places)) == ("0.0", "[0.0, 38.0]")
     assert fixed(3.03e-12, decimals(3.03e-12)) == "0"
     assert decimals(3.03e-4, 38.0) == 6
+
+
+def test_parameters_are_named_in_words_and_names_of_files_are_left_alone():
+    assert in_words("stop_1 and c_2[laden] are known, k_3.") == (
+        "the bump stop of axle 1 and c of axle 2 (laden) are known, k of axle 3."
+    )
+    kept = "runs/k_1.csv, k_1.csv: 'c_2' was left out; lock_1, k_1x and knee_x are no parameters."
+    assert in_words(kept) == kept

@@ -8,7 +8,13 @@
   button.addEventListener("click", function () {
     open = !open;
     document.querySelectorAll("details").forEach(function (fold) { fold.open = open; });
+    document.body.classList.toggle("all", open);
     button.textContent = open ? "Fold everything" : "Unfold everything";
+  });
+
+  // Cautions are folded on the screen and never on paper.
+  window.addEventListener("beforeprint", function () {
+    document.querySelectorAll("details.printed").forEach(function (fold) { fold.open = true; });
   });
 
   var MISSING = -32768;

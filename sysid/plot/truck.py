@@ -1,0 +1,151 @@
+"""The vehicle from the side, drawn to scale, with numbers below every axle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
+
+from sysid.plot.style import INK, MUTED, axle_color, figure, label, styled
+
+if TYPE_CHECKING:
+    from sysid.campaign.vehicle_records import Vehicle
+
+#: Outlines say where a body is, not what it looks like: overhangs, heights above the road, length of a cab [m].
+_FRONT, _REAR, _DECK, _FRAME, _CAB, _ROOF, _LOAD = 1.3, 1.1, 1.25, 0.24, 1.9, 2.9, 2.4
+_PALE, _STEEL = "#eef2f6", "#9aa5b1"
+#: Width of the figure, of the heads of the rows, and height of a row [in].
+_WIDTH, _HEADS, _ROW = 11.4, 0.95, 0.2
+
+
+@styled
+def truck(vehicle: Vehicle, rows: Sequence[tuple[str, Sequence[str]]], highlight: int | None = None) -> Axes:
+    """The vehicle travelling to the left, its axles at their distances, and below each axle its column of `rows`.
+
+    Parameters
+    ----------
+    vehicle : positions, wheel radii [m], bodies and hitches; the outlines of bodies are nominal.
+    rows : pairs of a head and one text per axle, front to rear; a text may have two lines.
+    highlight : index of an axle whose column stands in bold, None for none.
+
+    Raises
+    ------
+    ValueError
+        If a row has not one text per axle.
+    """
+    axles = vehicle.axles
+    if any(len(texts) != len(axles) for _, texts in rows):
+        raise ValueError(f"every row needs one text for each of {len(axles)} axles")
+    lines = [1 + max((t.count("\n") for t in texts), default=0) for _, texts in rows]
+    spans = _spans(vehicle)
+    left, right = min(a for a, _ in spans) - 0.1, max(b for _, b in spans) + 0.1
+    per_metre = min((_WIDTH - _HEADS - 0.1) / (right - left), 0.95)
+    truck_in, text_in = (_ROOF + 0.25) * per_metre, _ROW * sum(lines) + 0.1
+    gap_in = 0.5
+    height = truck_in + gap_in + text_in
+    fig = figure(_WIDTH, height, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set_axis_off()
+    # Inches from the lower left corner everywhere: the truck is placed by its scale, the text by its lines.
+    ax.set_xlim(0.0, _WIDTH)
+    ax.set_ylim(0.0, height)
+    free = _WIDTH - _HEADS - (right - left) * per_metre
+
+    def x_in(x_m: float) -> float:
+        return _HEADS + free / 2.0 + (x_m - left) * per_metre
+
+    def y_in(z_m: float) -> float:
+        return text_in + gap_in + z_m * per_metre
+
+    for body, (front, rear) in enumerate(spans):
+        _draw_body(ax, vehicle, body, [x_in(front), x_in(rear)], y_in, per_metre)
+    ax.plot([_HEADS, _WIDTH - 0.05], [y_in(0.0)] * 2, color=INK, lw=1.2)
+    for i, axle in enumerate(axles):
+        _draw_axle(ax, i, x_in(axle.x_m), y_in(axle.tire_radius_m), axle.tire_radius_m * per_metre)
+    for a, b in pairwise(axles):
+        middle = (x_in(a.x_m) + x_in(b.x_m)) / 2.0
+        ax.text(middle, y_in(0.0) - 0.12, f"{b.x_m - a.x_m:.3g} m", ha="center", fontsize=6.5, color=MUTED)
+    columns = _HEADS + (_WIDTH - _HEADS) * (np.arange(len(axles)) + 0.5) / len(axles)
+    for i, (axle, column) in enumerate(zip(axles, columns, strict=True)):
+        ends = [y_in(0.0) - 0.16, text_in + 0.02]
+        ax.plot([x_in(axle.x_m), column], ends, color=axle_color(i), lw=0.9)
+    _write_rows(ax, rows, lines, columns, text_in, highlight)
+    return ax
+
+
+def _spans(vehicle: Vehicle) -> list[tuple[float, float]]:
+    """Front and rear end of every body [m]."""
+    spans = []
+    for index, body in enumerate(vehicle.bodies):
+        places = [a.x_m for a in vehicle.axles if a.body == index]
+        hitches = [b.hitch_x_m for b in vehicle.bodies[index + 1 : index + 2] if b.hitch_x_m is not None]
+        front = min(places, default=0.0) - _FRONT if body.hitch_x_m is None else body.hitch_x_m - 0.5
+        rear = max([*places, *([] if not hitches else [hitches[0] - 0.6]), front + 1.0]) + _REAR
+        spans.append((front, rear))
+    return spans
+
+
+def _draw_body(
+    ax: Axes, vehicle: Vehicle, body: int, ends: list[float], y_in: Callable[[float], float], per_metre: float
+) -> None:
+    front, rear = ends
+    first, last = body == 0, body == len(vehicle.bodies) - 1
+    deck = y_in(_DECK)
+    cab = _CAB * per_metre if first else 0.0
+    if last:
+        # What it carries: on a single vehicle behind the cab, on a trailer over its whole length.
+        begin = front + cab + 0.15 * per_metre
+        ax.add_patch(Rectangle((begin, deck), rear - begin, y_in(_LOAD) - deck, fc=_PALE, ec=_STEEL, lw=0.8, zorder=1))
+    ax.add_patch(
+        Rectangle((front, deck - _FRAME * per_metre), rear - front, _FRAME * per_metre, fc=_STEEL, ec="none", zorder=2)
+    )
+    if first:
+        roof, slope = y_in(_ROOF), 0.3 * per_metre
+        low = y_in(0.55)
+        corners = [(front, low), (front, y_in(1.7)), (front + slope, roof), (front + cab, roof), (front + cab, low)]
+        ax.add_patch(Polygon(corners, fc="#dfe7f0", ec=INK, lw=0.9, zorder=2))
+        window = [
+            (front + 0.12 * per_metre, y_in(1.8)),
+            (front + 0.12 * per_metre + 0.7 * slope, y_in(2.6)),
+            (front + 0.62 * cab, y_in(2.6)),
+            (front + 0.62 * cab, y_in(1.8)),
+        ]
+        ax.add_patch(Polygon(window, fc="white", ec=_STEEL, lw=0.7, zorder=3))
+
+
+def _draw_axle(ax: Axes, index: int, x: float, centre: float, radius: float) -> None:
+    color = axle_color(index)
+    ax.add_patch(Circle((x, centre), radius, fc="#3e4c59", ec=INK, lw=0.8, zorder=4))
+    ax.add_patch(Circle((x, centre), 0.55 * radius, fc="white", ec="none", zorder=5))
+    ax.text(
+        x, centre, str(index + 1), ha="center", va="center_baseline", fontsize=8, weight="bold", color=color, zorder=6
+    )
+
+
+def _write_rows(
+    ax: Axes,
+    rows: Sequence[tuple[str, Sequence[str]]],
+    lines: Sequence[int],
+    columns: np.ndarray,
+    top: float,
+    highlight: int | None,
+) -> None:
+    place = top
+    width = (_WIDTH - _HEADS) / len(columns)
+    if highlight is not None:
+        corner = (columns[highlight] - width / 2.0 + 0.04, 0.02)
+        ax.add_patch(FancyBboxPatch(corner, width - 0.08, top - 0.06, boxstyle="round,pad=0,rounding_size=0.05",
+                                    fc="#fdf3e1", ec="none", zorder=0))  # fmt: skip
+    longest = max(int(13.5 * width), 6)
+    for (head, texts), count in zip(rows, lines, strict=True):
+        place -= _ROW * count
+        middle = place + _ROW * count / 2.0
+        ax.text(0.02, middle, head, va="center", fontsize=8, color=MUTED)
+        for i, (text, column) in enumerate(zip(texts, columns, strict=True)):
+            words = "\n".join(label(line, longest) for line in text.split("\n"))
+            weight = "bold" if i == highlight else "normal"
+            ax.text(column, middle, words, ha="center", va="center", fontsize=8.5, color=INK, weight=weight)

@@ -1,0 +1,133 @@
+"""Pictures of the first screen: the truck with its numbers, the worst channel, and axle loads against speed."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid import plot
+from sysid.display import NOT_DETERMINED
+from sysid.numbers import MISSING, count, decimals, fixed, listing, number, speed
+from sysid.report.figures import Gallery, Picture, run_words
+from sysid.report.load_tables import sweep_name
+from sysid.results import Results
+from sysid.results.headline import PeakLoad, SuspensionRow, largest_loads, suspension_rows
+
+if TYPE_CHECKING:
+    from sysid.estimates.suspension_values import Estimate
+    from sysid.estimation.residuals.run_history import RunHistory
+    from sysid.prediction.predicted_passes import SpeedSweep
+    from sysid.validation.channel_agreement import ChannelAgreement
+
+
+def truck_picture(results: Results, gallery: Gallery) -> list[Picture]:
+    """The truck to scale, below each axle k, c and its largest load; nothing before any value is known."""
+    of_axles = suspension_rows(results)
+    if not of_axles:
+        return []
+    loads = largest_loads(results)
+    rows = [
+        ("k [kN/m]", _per_axle(results, of_axles, "stiffness")),
+        ("c [kN s/m]", _per_axle(results, of_axles, "damping")),
+    ]
+    if loads:
+        rows += [
+            ("static load [kN]", [fixed(load.static_N / 1e3, 1) for load in loads]),
+            ("peak load [kN]", [_peak(load) for load in loads]),
+            ("peak / static", [f"{fixed(100.0 * load.ratio, 0)} %" for load in loads]),
+            ("at", [load.pass_name for load in loads]),
+        ]
+    else:
+        case = next(iter(results.campaign.load_cases.values()))
+        gravity = results.campaign.vehicle.gravity_m_s2
+        rows.append(("static load [kN]", [fixed(gravity * mass / 1e3, 1) for mass in case.axle_loads_kg]))
+    highest = max(loads, key=lambda load: load.peak_N).axle if loads else None
+    kinds = dict.fromkeys(e.kind for row in of_axles for e in (row.stiffness, row.damping) if e)
+    caption = f"k, c and loads are of both sides of an axle together; ± is half of the {listing(list(kinds))}."
+    if loads:
+        caption += " Peak load: the largest of the predicted passes" + (
+            "; * an extrapolation beyond the driven runs." if any(load.beyond for load in loads) else "."
+        )
+    words = [f"{head}: {', '.join(f'axle {i + 1} {t}' for i, t in enumerate(texts))}." for head, texts in rows]
+    draws = partial(plot.truck, results.campaign.vehicle, rows, highest)
+    return [gallery.picture(draws, caption, " ".join([caption, *words]), width="wide truck")]
+
+
+def _per_axle(results: Results, rows: tuple[SuspensionRow, ...], quantity: str) -> list[str]:
+    """The values of each axle, one line per load case where they differ."""
+    texts = []
+    for axle in range(len(results.campaign.vehicle.axles)):
+        found = [(row.load_case, getattr(row, quantity)) for row in rows if row.axle == axle]
+        values = [(case, _value(e)) for case, e in found if e is not None and math.isfinite(e.value)]
+        if len({text for _, text in values}) <= 1:
+            values = values[:1]
+        several = len(values) > 1
+        texts.append("\n".join(f"{t} {case}" if several and case else t for case, t in values) or MISSING)
+    return texts
+
+
+def _value(e: Estimate) -> str:
+    if not e.identified:
+        return NOT_DETERMINED
+    value, half = e.value / 1e3, (e.high - e.low) / 2e3
+    # Three digits: the tables have the rest.
+    places = decimals(value)
+    return fixed(value, places) + (f" ± {fixed(half, max(places, decimals(half, digits=1)))}" if half >= 0.0 else "")
+
+
+def _peak(load: PeakLoad) -> str:
+    value = load.peak_N / 1e3
+    places = decimals(value)
+    half = "" if load.low_N is None or load.high_N is None else f" ± {number((load.high_N - load.low_N) / 2e3, 2)}"
+    return fixed(value, places) + half + ("*" if load.beyond else "")
+
+
+def worst_picture(results: Results, gallery: Gallery) -> list[Picture]:
+    """The channel record in which simulation and measurement differ most, in units of the sensor's noise."""
+    if results.fit is None:
+        return []
+    histories = {h.file: h for h in results.fit.histories}
+    rows = [] if results.validation is None else list(results.validation.channels)
+    known = [r for r in rows if r.run in histories and r.column in histories[r.run].columns]
+    known = [r for r in known if math.isfinite(r.residual_over_noise)]
+    if not known:
+        return []
+    worst = max(known, key=lambda r: r.residual_over_noise)
+    history = histories[worst.run]
+    caption = (
+        f"The worst of {count(len(known), 'channel record')}: {_channel(worst, history)} of {run_words(history)}. Its "
+        f"residual is {number(worst.residual_over_noise, 2)} times what the sensor shows before the bump "
+        f"(median of all: {number(float(np.median([r.residual_over_noise for r in known])), 2)})."
+    )
+    return [gallery.picture(partial(plot.overlay, history, worst.column), caption, width="half")]
+
+
+def _channel(row: ChannelAgreement, history: RunHistory) -> str:
+    title = plot.channel_title(history, history.columns.index(row.column))
+    return title.rpartition(" (")[0]
+
+
+def speed_picture(results: Results, gallery: Gallery) -> list[Picture]:
+    """Axle loads against speed, of the load case with the largest; before sweeps nothing."""
+    sweeps = () if results.predictions is None else results.predictions.sweeps
+    if not sweeps:
+        return []
+    sweep = max(sweeps, key=lambda s: float(np.nanmax(static_loads_N(results, s) * s.peak_ratio.q50)))
+    driven = sweep.driven_m_s
+    caption = f"Peak axle loads against speed, {sweep_name(results, sweep)}. " + (
+        "No run was driven in this load case."
+        if driven is None
+        else f"Shaded: driven, {speed(driven[0])} to {speed(driven[1])} km/h. Open marks: beyond what the driven runs "
+        "reached, an extrapolation."
+    )
+    draws = partial(plot.axle_load_against_speed, sweep, static_loads_N(results, sweep))
+    return [gallery.picture(draws, caption, width="half")]
+
+
+def static_loads_N(results: Results, sweep: SpeedSweep) -> np.ndarray:
+    """Static axle loads (axles,) [N] of a sweep's load case, from the scales."""
+    kilograms = results.campaign.load_cases[sweep.load_case].axle_loads_kg
+    return results.campaign.vehicle.gravity_m_s2 * np.asarray(kilograms, dtype=float)
