@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sysid.display import NOT_DETERMINED, CommandHint, TextTable
-from sysid.numbers import MISSING, count, decimals, fixed
-from sysid.results.headline import answer_words, largest_loads, suspension_rows
+from sysid.display import CommandHint, TextTable
+from sysid.numbers import count, fixed
+from sysid.results.headline import answer_words, estimate_words, in_thousands, largest_loads, suspension_rows
 from sysid.results.judgement import judge
 from sysid.workflow.stage import Blocks
 
 if TYPE_CHECKING:
     from sysid.campaign.records import Campaign
-    from sysid.estimates.suspension_values import Estimate
     from sysid.results.contents import Results
 
 #: Reasons that are told; the report has all.
@@ -44,25 +42,14 @@ def _suspension(results: Results) -> Iterator[TextTable]:
     table = TextTable("k and c, both sides, ± half of the 90 % interval", ("axle", "k kN/m", "c kN s/m"))
     for row in rows:
         case = "" if row.load_case is None else f", {row.load_case}"
-        table.add_row(_axle(results.campaign, row.axle) + case, _value(row.stiffness), _value(row.damping))
+        table.add_row(
+            _axle(results.campaign, row.axle) + case, estimate_words(row.stiffness), estimate_words(row.damping)
+        )
     yield table
 
 
 def _axle(campaign: Campaign, axle: int) -> str:
     return f"{axle + 1} {campaign.vehicle.axles[axle].name}"
-
-
-def _value(e: Estimate | None) -> str:
-    if e is None or not math.isfinite(e.value):
-        return MISSING
-    return _plus_minus(e.value, e.low, e.high) if e.identified else NOT_DETERMINED
-
-
-def _plus_minus(value: float, low: float | None, high: float | None) -> str:
-    """A value in thousands of its unit with half of its interval."""
-    half = math.nan if low is None or high is None else (high - low) / 2e3
-    places = decimals(value / 1e3, half)
-    return fixed(value / 1e3, places) + (f" ± {fixed(half, places)}" if math.isfinite(half) else "")
 
 
 def _loads(results: Results) -> Iterator[TextTable | str]:
@@ -74,7 +61,7 @@ def _loads(results: Results) -> Iterator[TextTable | str]:
         table.add_row(
             _axle(results.campaign, load.axle),
             fixed(load.static_N / 1e3, 1),
-            _plus_minus(load.peak_N, load.low_N, load.high_N) + ("*" if load.beyond else ""),
+            in_thousands(load.peak_N, load.low_N, load.high_N) + ("*" if load.beyond else ""),
             f"{fixed(100.0 * load.ratio, 0)} %",
             load.pass_name,
         )

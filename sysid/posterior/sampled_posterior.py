@@ -10,6 +10,7 @@ import numpy as np
 from sysid.arrays import EnsemblesByStepsByWalkers, Parameters, WalkerDraws
 from sysid.estimation.uncertainty.spread import Spread
 from sysid.tabular import Tabular, records_table
+from sysid.wording import finish, nearest, shorten
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,6 +63,19 @@ class Posterior(Tabular):
     warnings: tuple[str, ...] = ()
     rejected: int = 0
     against_intervals: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> PosteriorSummary:
+        """The summary of a parameter by its name, in SI units: ``posterior["k_1"].q50``.
+
+        Raises
+        ------
+        KeyError
+            If there is no such parameter; the nearest name is suggested.
+        """
+        for s in self.summaries:
+            if s.name == name:
+                return s
+        raise KeyError(finish(f"the posterior has no parameter '{shorten(name)}'; {nearest(name, self.names)}"))
 
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""

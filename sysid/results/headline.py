@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sysid.display import NOT_DETERMINED
 from sysid.estimates.suspension_values import AxleEstimates, Estimate
+from sysid.numbers import MISSING, decimals, fixed
 from sysid.results.contents import Judgement, Results, Trust
 from sysid.results.pass_limits import pass_name
 
@@ -38,7 +41,11 @@ class SuspensionRow:
 
 def suspension_rows(results: Results) -> tuple[SuspensionRow, ...]:
     """The most informed k and c of every axle, front to rear, one row per load case where they differ."""
-    stiffness, damping = results.suspension("stiffness"), results.suspension("damping")
+    return paired_rows(results.suspension("stiffness"), results.suspension("damping"))
+
+
+def paired_rows(stiffness: Sequence[AxleEstimates], damping: Sequence[AxleEstimates]) -> tuple[SuspensionRow, ...]:
+    """Rows of :func:`suspension_rows` from the estimates of both quantities."""
     several = {row.axle for of in (stiffness, damping) for row in of if sum(r.axle == row.axle for r in of) > 1}
     rows = []
     for axle in sorted({row.axle for row in (*stiffness, *damping)}):
@@ -62,6 +69,20 @@ def _best(rows: Sequence[AxleEstimates], axle: int, case: str | None) -> Estimat
         if best is not None:
             return best
     return None
+
+
+def in_thousands(value: float, low: float | None = None, high: float | None = None) -> str:
+    """A value in thousands of its unit, with half of its interval where the ends are known."""
+    half = math.nan if low is None or high is None else (high - low) / 2e3
+    places = decimals(value / 1e3, half)
+    return fixed(value / 1e3, places) + (f" ± {fixed(half, places)}" if math.isfinite(half) else "")
+
+
+def estimate_words(e: Estimate | None) -> str:
+    """An estimate in kN/m or kN s/m with half of its interval, or the words for why there is no number."""
+    if e is None or not math.isfinite(e.value):
+        return MISSING
+    return in_thousands(e.value, e.low, e.high) if e.identified else NOT_DETERMINED
 
 
 @dataclass(frozen=True)

@@ -31,11 +31,12 @@ from sysid.threads import one_blas_thread
 from sysid.validation.channel_agreement import Validation
 from sysid.workflow import stages
 from sysid.workflow.assembly import assembled
+from sysid.workflow.description import described
 from sysid.workflow.earlier_files import remember_more, remove_earlier
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.progress import Steps
 from sysid.workflow.runner import NO_OPTIONS, Runner, begin_helper_ahead, breakdown_said
-from sysid.workflow.settings import Settings
+from sysid.workflow.settings import Settings, make_settings
 from sysid.workflow.stage import Aside, Ending, Itemwise, Notice, Stage, Whole
 from sysid.workflow.stage_folder import SUCCESS_MARKER, StageFolder, dependents
 
@@ -53,12 +54,15 @@ class Calibration:
     campaign : the campaign file or its folder.
     output : folder for everything that is written; made if it does not exist.
     settings : options of the stages.
+    quick : a preview with few iterations and a short chain, in place of settings.
     progress : callback (message, fraction of what runs).
     notice : callback for what the user should know about a stored chain.
     resume : continue an interrupted chain, and keep stages whose inputs have not changed even in :meth:`run`.
 
     Raises
     ------
+    ValueError
+        If both settings and quick are given.
     CampaignError
         If the campaign file is wrong.
     DataRejectedError
@@ -74,16 +78,36 @@ class Calibration:
         settings: Settings | None = None,
         progress: Progress | None = None,
         *,
+        quick: bool = False,
         resume: bool = False,
         notice: Notice | None = None,
     ):
+        if quick and settings is not None:
+            raise ValueError("give either settings or quick; make_settings(quick=True) makes settings of a preview")
         configure()
-        self.settings = settings or Settings()
+        self.settings = settings or make_settings(quick=quick)
         self.output = output_folder(output)
         self._inputs = Inputs(campaign)
         self._steps = Steps(progress or unwatched)
         self._folder = StageFolder(self.output, self.settings, self._inputs.read)
         self._runner = Runner(self._inputs, self.settings, self._folder, self._steps, notice, resume)
+
+    def __repr__(self) -> str:
+        """One screen: what has run, and k and c of every axle; nothing is computed for it."""
+        drops, fit = self._folder.known(stages.DROPS), self._folder.known(stages.FIT)
+        finished = [stage.name for stage in stages.STAGES if stage.in_file and self._folder.known(stage) is not None]
+        return described(
+            self._inputs.read,
+            str(self.output),
+            finished,
+            drops,
+            None if fit is None else fit.fit,
+            self._folder.known(stages.SAMPLE),
+        )
+
+    def __dir__(self) -> list[str]:
+        """What a user calls, without what Python adds to every object."""
+        return [name for name in super().__dir__() if not name.startswith("_")]
 
     @property
     def campaign(self) -> Campaign:
@@ -212,9 +236,40 @@ class Calibration:
         histories, bands = self.fit().histories, self._runner.known(stages.BANDS)
         return histories if bands is None else with_bands(histories, bands)
 
-    def predict(self) -> Predictions:
-        """Wheel loads of the passes that the campaign requests, from the posterior if there is one."""
-        return self.result(stages.PREDICT)
+    def predict(
+        self,
+        speed_km_h: float | Sequence[float] | None = None,
+        *,
+        load_case: str | None = None,
+        bump: str | None = None,
+        road: str | None = None,
+        length_m: float | None = None,
+    ) -> Predictions:
+        """Axle loads from the posterior if there is one: of the campaign's passes, or of others at the given speeds.
+
+        Others are no part of the results; :func:`sysid.export.tables.write_passes` writes them.
+
+        Parameters
+        ----------
+        speed_km_h : one speed or several [km/h]; without it the passes that the campaign requests.
+        load_case : load case of the speeds, the first if not given.
+        bump : a scan of the campaign, or a file with a profile; the first scan if not given.
+        road : a class of ISO 8608 (A to H) or a file with a measured profile, in place of a bump.
+        length_m : length of the road [m].
+
+        Raises
+        ------
+        CampaignError
+            If the campaign has no such load case or bump, or options are given without a speed.
+        """
+        options = {"load_case": load_case, "bump": bump, "road": road, "length": length_m}
+        given = {name: value for name, value in options.items() if value is not None}
+        if speed_km_h is None:
+            if given:
+                raise CampaignError(f"predict({next(iter(given))}=...) needs a speed: give speed_km_h, for example 60.")
+            return self.result(stages.PREDICT)
+        speeds = (speed_km_h,) if isinstance(speed_km_h, int | float) else tuple(speed_km_h)
+        return self.aside(stages.PREDICT, {"speeds": speeds, "seed": self.settings.seed, **given})
 
     def predict_passes(self, requests: Sequence[PredictionRequest]) -> Predictions:
         """Wheel loads of other passes than those of the campaign file, from the posterior if there is one.

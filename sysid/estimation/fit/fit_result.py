@@ -14,6 +14,7 @@ from sysid.estimation.uncertainty.identifiability import Identifiability
 from sysid.estimation.uncertainty.part_agreement import PartDifference
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
 from sysid.tabular import Tabular, records_table
+from sysid.wording import finish, nearest, shorten
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -192,6 +193,19 @@ class FitResult(Tabular):
     def names(self) -> tuple[str, ...]:
         """Names of the global parameters in the order of the covariance."""
         return tuple(p.name for p in self.parameters)
+
+    def __getitem__(self, name: str) -> ParameterEstimate:
+        """The estimate of a parameter by its name, in SI units: ``fit["k_1"].value``.
+
+        Raises
+        ------
+        KeyError
+            If there is no such parameter; the nearest name is suggested.
+        """
+        for p in (*self.parameters, *self.run_parameters):
+            if p.name == name:
+                return p
+        raise KeyError(finish(f"the fit has no parameter '{shorten(name)}'; {nearest(name, self.names)}"))
 
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""
