@@ -11,7 +11,7 @@ from sysid import limits
 from sysid.campaign.clocks.common import on_common_clock
 from sysid.campaign.declared import read_declared
 from sysid.campaign.inputs import paths
-from sysid.campaign.inputs.bumps import PointCloudReader, ProfileReader, read_bumps
+from sysid.campaign.inputs.bumps import PointCloudReader, ProfileReader, RoadReader, read_bumps
 from sysid.campaign.inputs.named_files import NamedFiles
 from sysid.campaign.inputs.run_logs import RunLogs, log_writing
 from sysid.campaign.loggers import ClockFinding
@@ -27,6 +27,7 @@ from sysid.campaign.records import (
     Log,
     PlankDrop,
     PredictionRequest,
+    RoadCourse,
     Scan,
     Sensor,
 )
@@ -48,6 +49,7 @@ def read_campaign(
     *,
     point_cloud_reader: PointCloudReader | None = None,
     profile_reader: ProfileReader | None = None,
+    road_reader: RoadReader | None = None,
     planned: bool = False,
     unfinished: bool = False,
 ) -> Campaign:
@@ -60,6 +62,8 @@ def read_campaign(
         The file has its content as `data` and can be used as a path.
     profile_reader : function (file, lateral place [m], name) -> bump that reads the profile of a prediction or of a
         bump that was not scanned; without it such bumps have no stations.
+    road_reader : function (file, lateral place [m], name, length [m] or None) -> road that reads the rough road of a
+        prediction; without it such roads have no heights.
     planned : take logs that do not exist for tests that are still to come: one blank reading of every declared sensor.
     unfinished : take a file with values that are still to be filled in, for the check of its logs only:
         :func:`sysid.campaign.toml.stand_ins.with_stand_ins`.
@@ -98,7 +102,7 @@ def read_campaign(
         plank_drops=drops,
         bump_runs=runs,
         scans=scans,
-        predictions=reader.predictions(scans, profile_reader),
+        predictions=reader.predictions(scans, profile_reader, road_reader),
         input_sha256=files.hashes,
         messages=reader.messages(),
         priors={name: NamedPrior(*table.lognormal()) for name, table in tables.priors.items()},
@@ -246,7 +250,7 @@ class _TestReader:
         return speed_m_s(max(1.0, round(logged / speed_m_s(1.0))))
 
     def predictions(
-        self, scans: Mapping[str, Scan], profile_reader: ProfileReader | None
+        self, scans: Mapping[str, Scan], profile_reader: ProfileReader | None, road_reader: RoadReader | None
     ) -> tuple[PredictionRequest, ...]:
         """Passes to predict; bumps of different shape have different names.
 
@@ -262,6 +266,10 @@ class _TestReader:
         for i, entry in enumerate(self.tables.tests.prediction):
             key = f"tests.prediction[{i + 1}]"
             load_case, speed = self._load_case(entry.load_case, key), speed_m_s(entry.speed_km_h)
+            if entry.road is not None:
+                road = self._road(entry.road, f"{key}.road", road_reader)
+                result.append(PredictionRequest(load_case, speed, road.label, road=road))
+                continue
             if entry.shape is None:
                 result.append(PredictionRequest(load_case, speed, self._bump(entry.bump, key, scans)))
                 continue
@@ -282,6 +290,16 @@ class _TestReader:
         if profile_reader is None:
             return BumpShape("points", source=name)
         return profile_reader(content, table.lateral_m or 0.0, name)
+
+    def _road(self, table: s.RoadTable, key: str, road_reader: RoadReader | None) -> RoadCourse:
+        if table.file is None:
+            assert table.length_m is not None
+            return RoadCourse(table.length_m, table.roughness, table.seed, table.realisations)
+        content = self.files.content(table.file, f"{key}.file", limits.PROFILE_BYTES)
+        name = paths.relative_name(table.file)
+        if road_reader is None:
+            return RoadCourse(table.length_m or 0.0, source=name)
+        return road_reader(content, table.lateral_m or 0.0, name, table.length_m)
 
     def messages(self) -> tuple[str, ...]:
         """What somebody should know about the list of tests."""

@@ -105,6 +105,14 @@ def check_passes(
     """
     base = max(axle.x_m for axle in vehicle.axles)
     for i, request in enumerate(requests):
+        if request.road is not None:
+            seconds = (base + request.road.length_m) / request.speed_m_s
+            if seconds > limits.ROAD_SECONDS:
+                raise CampaignError(
+                    f"{label}: the pass of tests.prediction[{i + 1}] over its road takes {seconds:.3g} s, at most "
+                    f"{limits.ROAD_SECONDS:g} s are predicted; choose a higher speed or a shorter road."
+                )
+            continue
         way = base + (length_m.get(request.bump, 0.0) if request.shape is None else _length(request.shape))
         if fault := pass_fault(request.speed_m_s, way / request.speed_m_s):
             raise CampaignError(f"{label}: the pass of tests.prediction[{i + 1}].speed_km_h {fault}.")

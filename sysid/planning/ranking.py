@@ -70,9 +70,11 @@ def advise(
     candidates = run_information(state, kinds, (*at_hand, *new))
     progress("gradient of the predicted wheel load", 0.7)
     target, gradient = None, None
-    if campaign.predictions:
-        known = None if predictions is None else predictions.passes[0].peak_ratio_q50
-        target, gradient = peak_gradient(state, campaign.predictions[0], driven, known)
+    over_bumps = [k for k, request in enumerate(campaign.predictions) if request.road is None]
+    if over_bumps:
+        first = over_bumps[0]
+        known = None if predictions is None else predictions.passes[first].peak_ratio_q50
+        target, gradient = peak_gradient(state, campaign.predictions[first], driven, known)
     information = determined.information
 
     def prospect(run: RunInformation | None, sensor: int | None = None) -> Prospect:

@@ -14,7 +14,7 @@ from sysid.campaign.read import read_campaign
 from sysid.campaign.records import Campaign
 from sysid.estimation.parameters.checked_priors import check_priors
 from sysid.road.point_cloud import read_point_cloud
-from sysid.road.profile_files import bump_from_file
+from sysid.road.profile_files import bump_from_file, road_from_file
 
 
 class Inputs:
@@ -29,7 +29,12 @@ class Inputs:
     """
 
     def __init__(self, campaign: str | Path):
-        self.read = read_campaign(campaign, point_cloud_reader=read_point_cloud, profile_reader=bump_from_file)
+        self.read = read_campaign(
+            campaign,
+            point_cloud_reader=read_point_cloud,
+            profile_reader=bump_from_file,
+            road_reader=road_from_file,
+        )
         check_priors(self.read)
 
     @property

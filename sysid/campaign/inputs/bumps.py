@@ -10,7 +10,7 @@ import numpy as np
 from sysid import limits
 from sysid.campaign.inputs import paths
 from sysid.campaign.inputs.named_files import NamedFiles
-from sysid.campaign.records import BumpShape, Scan
+from sysid.campaign.records import BumpShape, RoadCourse, Scan
 from sysid.campaign.units import angle_rad
 from sysid.logs.input_file import InputFile
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 PointCloudReader = Callable[[InputFile, str], np.ndarray]
 ProfileReader = Callable[[InputFile, float, str], BumpShape]
+RoadReader = Callable[[InputFile, float, str, float | None], RoadCourse]
 
 
 def read_bumps(

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, StrictBool, StrictStr, model_validator
 
 from sysid import limits
-from sysid.campaign.records import KIND_DIMENSION, BumpShape, DeclaredKind
+from sysid.campaign.records import KIND_DIMENSION, BumpShape, DeclaredKind, RoadClass
 from sysid.campaign.requests import shape_fault
 from sysid.campaign.toml.schema_fields import (
     TEXT_LENGTH,
@@ -261,6 +261,27 @@ class ShapeTable(Table):
         return BumpShape(self.name, self.height_m, self.length_m, self.top_m, *points)
 
 
+class RoadTable(Table):
+    """road = {...}: a rough road of a class by ISO 8608, or a measured one from a file."""
+
+    roughness: RoadClass | None = Field(default=None, alias="class")
+    length_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=limits.ROAD_LENGTH_M)] | None = None
+    seed: Annotated[int, Field(strict=True, ge=0)] = 0
+    realisations: Annotated[int, Field(strict=True, ge=1, le=limits.ROAD_REALISATIONS)] = 1
+    file: PathText | None = None
+    lateral_m: Position | None = None
+
+    @model_validator(mode="after")
+    def _class_or_file(self) -> RoadTable:
+        if (self.roughness is None) == (self.file is None):
+            raise ValueError("is of a class or from a file; give class or file")
+        if self.file is not None and self.model_fields_set & {"seed", "realisations"}:
+            raise ValueError("comes from a file; seed and realisations belong to a class")
+        if self.roughness is not None and (self.lateral_m is not None or self.length_m is None):
+            raise ValueError("is of a class; give length_m, and lateral_m for a file only")
+        return self
+
+
 class PredictionTable(Table):
     """One entry of tests.prediction."""
 
@@ -268,11 +289,13 @@ class PredictionTable(Table):
     speed_km_h: SpeedKmH
     bump: Name | None = None
     shape: ShapeTable | None = None
+    road: RoadTable | None = None
 
     @model_validator(mode="after")
     def _one_bump(self) -> PredictionTable:
-        if self.bump is not None and self.shape is not None:
-            raise ValueError("has both bump and shape; a pass crosses one of them")
+        given = [name for name in ("bump", "shape", "road") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(f"has both {given[0]} and {given[1]}; a pass goes over one of them")
         return self
 
 
