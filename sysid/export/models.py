@@ -51,6 +51,16 @@ def moving_force_texts(
     }
 
 
+def write_moving_forces(
+    campaign: Campaign, predictions: Predictions, folder: Path, judgement: Judgement | None = None
+) -> tuple[Path, ...]:
+    """Write `moving_forces/*.csv` of passes below the output `folder`, each complete or not at all; their paths."""
+    texts = moving_force_texts(campaign, predictions, judgement)
+    for name, text in texts.items():
+        write_text(Path(folder) / name, text)
+    return tuple(Path(folder) / name for name in texts)
+
+
 def write_models(
     campaign: Campaign,
     vehicles: Iterable[CalibratedVehicle],

@@ -1,4 +1,4 @@
-"""Wheel loads of passes that nobody drove."""
+"""Axle loads of passes that nobody drove."""
 
 import lazy_loader
 

@@ -55,7 +55,7 @@ def check_finite(
         return
     count = f"{int(bad.sum())} of {bad.size} parameter sets" if bad.size > 1 else "the fitted parameters"
     raise DataRejectedError(
-        f"{name} gives no finite wheel loads with {count}; likely cause: {_cause(parameters, sets[:, bad])}; look at "
+        f"{name} gives no finite axle loads with {count}; likely cause: {_cause(parameters, sets[:, bad])}; look at "
         "the fit and its priors and fit again."
     )
 

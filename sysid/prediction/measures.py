@@ -1,4 +1,4 @@
-"""Numbers that sum up the wheel loads of a pass."""
+"""Numbers that sum up the axle loads of a pass."""
 
 from __future__ import annotations
 

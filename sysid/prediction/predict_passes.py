@@ -1,4 +1,4 @@
-"""Dynamic wheel loads of passes that nobody drove, with bands from the posterior."""
+"""Dynamic axle loads of passes that nobody drove, with bands from the posterior."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ def predict_pass(
     driven: DrivenRange | None = None,
     stops: AssumedStops | None = None,
 ) -> PassPrediction:
-    """Wheel loads of one pass, for a point estimate or for posterior draws.
+    """Axle loads of one pass, for a point estimate or for posterior draws.
 
     The peak dynamic load ratio of a draw is the maximum over the pass of the unfiltered vertical tire force over the
     static axle load as weighed. So the product of ratio and weighed load is the peak force. Quantiles are taken over
@@ -346,7 +346,7 @@ def predict(
     progress: Progress = unwatched,
     driven: DrivenRange | None = None,
 ) -> Predictions:
-    """Wheel loads of passes, and the load ratio against speed in their load cases.
+    """Axle loads of passes, and the load ratio against speed in their load cases.
 
     Every draw gets its own masses and departures, drawn given its parameters as the fit relates them, and its own error
     of the forces between tires and road (:data:`sysid.prediction.vehicle_draws.CONTACT_ERROR`).

@@ -58,7 +58,7 @@ class RoadLoads:
 
 @dataclass(frozen=True)
 class PassPrediction(Tabular):
-    """Wheel loads of one pass with posterior bands.
+    """Axle loads of one pass with posterior bands.
 
     - `time_s` (n,): zero when the centre of axle 1 passes the start of the bump;
     - `tire_force_*_N` (axles, n): total vertical force, pointwise quantiles (q05/q95 None before sampling);

@@ -33,7 +33,7 @@ def remarks(
 
     Parameters
     ----------
-    trust : what of the pass goes beyond the driven runs. impulse : mean of all wheel loads during the pass over the
+    trust : what of the pass goes beyond the driven runs. impulse : mean of all axle loads during the pass over the
     weight. acting : undeclared bump stops that act, by axle (index): direction and travel [m].
     """
     name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
@@ -50,7 +50,7 @@ def remarks(
         )
     if abs(impulse - 1.0) > _IMPULSE:
         sentences.append(
-            f"{name}: averaged over the pass the wheel loads sum to {impulse:.3f} times the weight; the truck is not "
+            f"{name}: averaged over the pass the axle loads sum to {impulse:.3f} times the weight; the truck is not "
             "at rest again at the end of the record."
         )
     return tuple(sentences)

@@ -341,7 +341,7 @@ def prediction_pictures(results: Results, gallery: Gallery) -> list[Picture]:
     pictures = []
     for p in results.predictions.passes:
         caption = (
-            f"{pass_name(p)}: vertical wheel load over static load, as in Figure 9a "
+            f"{pass_name(p)}: vertical axle load over static load, as in Figure 9a "
             "of the paper; 1 is the load at rest, 0 a wheel off the ground. Hatched: beyond what the driven runs "
             "reached."
         )

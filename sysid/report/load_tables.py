@@ -1,4 +1,4 @@
-"""Tables of predicted wheel loads: passes that nobody drove, and the ratio against speed."""
+"""Tables of predicted axle loads: passes that nobody drove, and the ratio against speed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def prediction_tables(results: Results) -> list[Table]:
-    """Peak wheel loads of every predicted pass."""
+    """Peak axle loads of every predicted pass."""
     if results.predictions is None:
         return []
     tables = []
@@ -48,7 +48,7 @@ def prediction_tables(results: Results) -> list[Table]:
             "axle",
             "static load [kN]",
             "peak / static load [-]",
-            "peak wheel load [kN]",
+            "peak axle load [kN]",
             "dynamic load coefficient [-]",
             "leaves the ground",
             "off the ground [ms]",
@@ -56,7 +56,7 @@ def prediction_tables(results: Results) -> list[Table]:
             "extension [mm]",
             "mean / static load [-]",
         )
-        caption = f"{pass_name(p)}: peak wheel loads, both sides together ({kind}); histories in {file}"
+        caption = f"{pass_name(p)}: peak axle loads, both sides together ({kind}); histories in {file}"
         tables.append(table(caption, head, rows))
     return tables
 

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sysid.campaign import BumpShape, read_campaign
+from sysid.campaign import BumpShape, RoadCourse, read_campaign
 from sysid.campaign.toml.errors import validate
 from sysid.campaign.units import angle_rad, pressure_pa, si_factor, speed_m_s
 from sysid.errors import CampaignError, DataRejectedError, SysidError
@@ -296,6 +296,56 @@ def test_a_prediction_over_the_profile_in_a_file(small):
     assert campaign.predictions[0].bump == "roads/hump.csv"
     assert "roads/hump.csv" in campaign.input_sha256
     assert read_campaign(path).predictions[0].shape == BumpShape("points", source="roads/hump.csv")
+
+
+def test_a_prediction_over_a_rough_road(small):
+    change = with_prediction("road = { class = 'B', length_m = 500, seed = 1, realisations = 5 }")
+    (request,) = read_campaign(small(change)).predictions
+    road = request.road
+    assert (road.roughness, road.length_m, road.seed, road.realisations) == ("B", 500.0, 1, 5)
+    assert (request.bump, request.shape) == (road.label, None)
+
+
+def test_a_prediction_over_a_measured_road(small):
+    path = small(with_prediction("road = { file = 'lane.csv', lateral_m = 0.8, length_m = 20 }"))
+    folder = path if path.is_dir() else path.parent
+    (folder / "lane.csv").write_text("station_m,height_m\n0,0\n1,0.1\n2,0\n")
+    seen = []
+
+    def reader(file, lateral_m, name, length_m):
+        seen.append((file.name, lateral_m, name, length_m))
+        return RoadCourse(20.0, source=name)
+
+    campaign = read_campaign(path, road_reader=reader)
+    assert seen == [("lane.csv", 0.8, "lane.csv", 20.0)]
+    assert campaign.predictions[0].bump == "lane.csv"
+    assert "lane.csv" in campaign.input_sha256
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("road = { length_m = 500 }", "give class or file"),
+        ("road = { class = 'B' }", "give length_m"),
+        ("road = { class = 'J', length_m = 500 }", "class"),
+        ("road = { file = 'lane.csv', seed = 1 }", "seed and realisations belong to a class"),
+        ("bump = 'bump', road = { class = 'B', length_m = 500 }", "has both bump and road"),
+        ("road = { class = 'A', length_m = 30000 }", "length_m"),
+    ],
+)
+def test_a_faulty_road_ends_in_one_sentence(small, text, said):
+    with pytest.raises(CampaignError, match=said) as error:
+        read_campaign(small(with_prediction(text)))
+    assert "tests.prediction[1]" in one_sentence(error)
+
+
+def test_a_road_that_takes_an_hour_is_refused(small):
+    change = (
+        "[tests]",
+        ("[tests]\nprediction = [{ load_case = 'empty', speed_km_h = 5, road = { class = 'B', length_m = 9000 } }]"),
+    )
+    with pytest.raises(CampaignError, match="choose a higher speed or a shorter road"):
+        read_campaign(small(change))
 
 
 SHAPE_FAULTS = [

@@ -136,12 +136,13 @@ def test_tables_and_histories_carry_the_verdict(tmp_path, trust, forbidden):
     for text in (peaks, against, io.StringIO(parameters_csv(results))):
         assert set(pd.read_csv(text)["verdict"]) == {trust}
     assert set(pd.read_csv(history)["do_not_bet"]) == {forbidden}
-    asked, measures = PREDICT.command.aside.write(results.predictions, results, tmp_path / "asked")
+    asked, measures, moved = PREDICT.command.aside.write(results.predictions, results, tmp_path / "asked")
     assert set(pd.read_csv(asked)["do_not_bet"]) == {forbidden}
     # The same table, whichever way a pass was asked for.
     assert measures.read_text("utf-8") == peaks.read_text("utf-8")
     assert measures.name == f"{asked.stem}_peaks.csv"
     (moving,) = moving_force_texts(results.campaign, results.predictions, results.judgement).values()
+    assert moved.read_text("utf-8") == moving
     assert set(pd.read_csv(io.StringIO(moving))["do_not_bet"]) == {forbidden}
 
 

@@ -33,7 +33,7 @@ def test_a_point_estimate_without_finite_loads_is_an_error(value: float) -> None
     with pytest.raises(DataRejectedError) as error:
         predict_pass(DATA, PARAMETERS, ROADS, REQUEST, changed(value)[None])
     text = str(error.value)
-    assert text.startswith("The pass of load case 'empty' at 36 km/h gives no finite wheel loads")
+    assert text.startswith("The pass of load case 'empty' at 36 km/h gives no finite axle loads")
     assert "c_2" in text
     assert "\n" not in text
     assert error.value.exit_code == 3

@@ -123,10 +123,10 @@ def rough(state, driven) -> PassPrediction:
 def test_a_bump_on_a_road_is_the_bump(state, driven):
     """The same profile by the path of bumps, with footprint maps at every millisecond; it is harsh as a road."""
     profile = bump()
-    before = 30.0
-    station = np.arange(0.0, 60.0, 0.005)
+    before = 12.0
+    station = np.arange(0.0, 28.0, 0.005)
     height = np.interp(station - before, profile.station_m, profile.height_m, left=0.0, right=0.0)
-    as_road = over(state, driven, RoadCourse(60.0, step_m=0.005, height_m=height, source="bump on a road"))
+    as_road = over(state, driven, RoadCourse(28.0, step_m=0.005, height_m=height, source="bump on a road"))
     request = PredictionRequest("empty", SPEED_M_S)
     roads = effective_roads(state, [request])
     as_bump = predict_pass(state.campaign, state.parameters, roads, request, state.point.log_parameters[None])

@@ -1,4 +1,4 @@
-"""Stages on wheel loads: what the driven runs reached, passes nobody drove, and what to measure next for them."""
+"""Stages on axle loads: what the driven runs reached, passes nobody drove, and what to measure next for them."""
 
 from __future__ import annotations
 
@@ -77,9 +77,11 @@ def _predicted(context: Context, requests: Sequence[PredictionRequest], sweep_km
 
 
 def _write_passes(predictions: Predictions, results: Results, folder: Path) -> Sequence[Path]:
+    from sysid.export.models import write_moving_forces
     from sysid.export.tables import write_passes
 
-    return write_passes(predictions, folder, results.judgement, results.trust)
+    written = write_passes(predictions, folder, results.judgement, results.trust)
+    return (*written, *write_moving_forces(results.campaign, predictions, folder, results.judgement))
 
 
 def show_predict(predictions: Predictions, results: Results) -> Blocks:
@@ -171,7 +173,7 @@ PREDICT = Whole(
     in_run="always",
     effort=15.0,
     command=Command(
-        help="Dynamic wheel loads of the passes in the campaign file, or of others.",
+        help="Dynamic axle loads of the passes in the campaign file, or of others.",
         show=show_predict,
         next=("report", "--open"),
         options=_PASS_OPTIONS,
