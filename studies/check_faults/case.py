@@ -146,7 +146,7 @@ def judged(made: Made, after: Said, before: Said) -> dict[str, Any]:
 def unharmed(number: int, folder: Path, seed: int) -> dict[str, Any]:
     """What is said of a healthy campaign: everything that names a fault counts."""
     said = check(healthy(number, folder, seed))
-    accusing = sorted(x for x in said.sentences if not re.search(_HARMLESS, x))
+    accusing = sorted(x for x in said.sentences if not re.search(HARMLESS, x))
     return {
         "number": number,
         "code": said.code,
@@ -157,4 +157,4 @@ def unharmed(number: int, folder: Path, seed: int) -> dict[str, Any]:
 
 
 #: Sentences that describe a healthy record: readings at the declared range, a rate, the level of the noise.
-_HARMLESS = r"reach(es)? the range of|the noise is \d+ % of|stamps are used|heading was turned"
+HARMLESS = r"reach(es)? the range of|the noise is \d+ % of|stamps are used|heading was turned"

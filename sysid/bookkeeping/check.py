@@ -68,15 +68,16 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
     if places.axle in {fault.axle for fault in faults if fault.lag_s}:
         places = Places(places.said[:-1], vehicle)
     said += [*places.said, *second_passes(runs, passages), *runs_without_bump(runs, passages)]
-    there = places.vehicle
+    there, misplaced = places.vehicle, []
     if there is not None:
-        said += [fault.said for fault in faults]
-        said += _sentences(lambda: place_of_frame_sensors(runs, there))
+        misplaced = _sentences(lambda: place_of_frame_sensors(runs, there))
+        said += [*(fault.said for fault in faults), *misplaced]
     said += _sentences(lambda: filter_complaint(runs, campaign.acquisition.filter))
     said += sampling_complaints(runs, campaign.acquisition.filter)
     declared = declared_values(campaign)
-    # All that follows rests on the places of the axles, and the balance of the frames on what enters it.
-    spectra = [] if places.said else [s for run in runs if (s := run_spectra(run, vehicle)) is not None]
+    # All that follows rests on the places of the axles, and the balance of the frames on those of their sensors too.
+    unplaced = bool(places.said or misplaced)
+    spectra = [] if unplaced else [s for run in runs if (s := run_spectra(run, vehicle)) is not None]
     unclear = any(d.unusual and BALANCED & {n.key for n in d.powers} for d in declared)
     masses = _sentences(lambda: mass_complaints(campaign, spectra, unclear))
     hop_hz = {} if places.said else hop_frequencies(runs, passages, vehicle)

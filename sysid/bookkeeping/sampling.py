@@ -29,7 +29,7 @@ def sampling_complaints(runs: Sequence[BumpRun], low_pass: AntiAliasFilter | Non
         The declared anti-alias filter, None where there is none.
     """
     said = []
-    rate_hz = min((1.0 / run.log.sample_interval_s for run in runs), default=np.inf)
+    rate_hz = min((1.0 / _step_s(channel) for run in runs for channel in run.log.channels), default=np.inf)
     if low_pass is not None and low_pass.cutoff_hz > CUTOFF * rate_hz:
         left = (1.0 + (0.5 * rate_hz / low_pass.cutoff_hz) ** (2 * low_pass.order)) ** -0.5
         said.append(
@@ -50,15 +50,17 @@ def sampling_complaints(runs: Sequence[BumpRun], low_pass: AntiAliasFilter | Non
 def _near_half(run: BumpRun) -> Iterator[float]:
     for channel in run.log.channels:
         if channel.sensor.kind == "axle_acceleration" and not channel.censored.any():
-            share = _density_near_half(channel, run.log.sample_interval_s)
+            share = _density_near_half(channel)
             if share is not None:
                 yield share
 
 
-def _density_near_half(channel: Channel, step_s: float) -> float | None:
-    """Power density near half the rate over the mean one, both without the noise; None beside gaps."""
+def _density_near_half(channel: Channel) -> float | None:
+    """Power density near half the channel's rate over the mean one, both without the noise; None beside gaps."""
+    # Of its own clock: that of a log is its slowest.
+    step_s = _step_s(channel)
     duration_s = float(channel.time_s[-1] - channel.time_s[0])
-    if not 200 <= duration_s / step_s < limits.GRID_STEPS:
+    if step_s <= 0.0 or not 200 <= duration_s / step_s < limits.GRID_STEPS:
         return None
     time = float(channel.time_s[0]) + step_s * np.arange(int(duration_s / step_s) + 1)
     value = readings_at(channel, time)
@@ -69,6 +71,10 @@ def _density_near_half(channel: Channel, step_s: float) -> float | None:
     floor = noise[int(NEAR_HALF * noise.size) :].mean()
     whole = density.mean() - floor
     return float((density[int(NEAR_HALF * density.size) :].mean() - floor) / whole) if whole > floor else None
+
+
+def _step_s(channel: Channel) -> float:
+    return float(np.median(np.diff(channel.time_s))) if channel.time_s.size > 1 else np.inf
 
 
 def _density(value: np.ndarray) -> np.ndarray | None:

@@ -6,7 +6,7 @@ acceleration b of one axle hold one redundant equation at every frequency.  One 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +32,8 @@ SEEN, SEEN_BY_ALL = 0.7, 0.97
 #: Frames turn here; above, they bend.
 FRAME_BAND_HZ = (0.8, 5.0)
 #: Frame sensors are found at their place within 0.3 m.
+#: Frame sensors whose places are looked for one after the other.
+MOST_PLACES = 3
 PLACE_M = 0.6
 
 
@@ -260,28 +262,33 @@ def _leaks(
 
 
 def place_of_frame_sensors(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[str]:
-    """Sentences about frame sensors that move as another place of the frame does: x_m, or exchanged."""
-    top: dict[str, list[float]] = {}
-    for run in runs:
-        for column, values in _places(run, vehicle).items():
-            sums = top.setdefault(column, [0.0] * 4)
-            for k in range(4):
-                sums[k] += values[k]
+    """Sentences about frame sensors that move as another place of the frame does: x_m, or exchanged.
+
+    One wrong place disturbs what the others imply for each other.  That sensor is named whose move explains most of
+    what all leave; then the same is looked for with it at its place.
+    """
+    spectra = [found for run in runs if (found := _frame_spectra(run, vehicle)) is not None]
     listed = {c.sensor.column: c.sensor for run in runs for c in run.log.channels}
+    moved: dict[str, float] = {}
     said = []
-    for column, (cross, size, before, after) in top.items():
-        sensor = listed[column]
+    for _ in range(MOST_PLACES):
+        sums = _place_sums(spectra, moved)
+        before = sum(left for _, _, left in sums.values())
+        offs = {c: cross / max(size, 1e-30) for c, (cross, size, _) in sums.items() if c not in moved}
+        tried = {
+            c: sum(left for _, _, left in _place_sums(spectra, moved | {c: off}).values())
+            for c, off in offs.items()
+            if abs(off) > PLACE_M
+        }
+        best = min(tried, key=lambda c: tried[c], default=None)
+        if best is None or tried[best] > 0.4 * before:
+            break
+        sensor, moved[best] = listed[best], offs[best]
         assert sensor.x_m is not None
-        off = cross / max(size, 1e-30)
-        if abs(off) > PLACE_M and before - cross * off < 0.4 * before and after > 0.0:
-            said.append(
-                f"{quoted(sensor)} moves as the frame does at x_m = {sensor.x_m + off:.1f} m, not at the listed "
-                f"{sensor.x_m:g} m; correct its x_m in campaign.toml, or check which sensor this column holds."
-            )
-    # One wrong place disturbs what the others imply for each other: the worst is named alone.
-    if len(said) > 1:
-        worst = max(top, key=lambda c: top[c][2] - top[c][0] ** 2 / max(top[c][1], 1e-30))
-        said = [s for s in said if s.startswith(quoted(listed[worst]))] or said
+        said.append(
+            f"{quoted(sensor)} moves as the frame does at x_m = {sensor.x_m + moved[best]:.1f} m, not at the listed "
+            f"{sensor.x_m:g} m; correct its x_m in campaign.toml, or check which sensor this column holds."
+        )
     return said
 
 
@@ -290,11 +297,18 @@ def _seen(channel: Channel, record: _Record) -> bool:
     return not channel.censored.any() and bool(np.isfinite(record.readings(channel)).mean() > SEEN_BY_ALL)
 
 
-def _places(run: BumpRun, vehicle: Vehicle) -> dict[str, tuple[float, float, float, float]]:
-    """Sums of how far [m] each frame sensor is from its place: top, bottom, what is left before, and a count."""
+@dataclass(frozen=True)
+class _FrameSpectra:
+    """Spectra of one run: of frame sensors by column, with their bodies and places, and of the frame above axles."""
+
+    sensors: dict[str, tuple[int, float, np.ndarray]]
+    above: list[tuple[int, float, np.ndarray]]
+
+
+def _frame_spectra(run: BumpRun, vehicle: Vehicle) -> _FrameSpectra | None:
     record = _Record(run)
     if record.time_s.size < 2:
-        return {}
+        return None
     omega = record.omega(*FRAME_BAND_HZ)
     frames = [
         c
@@ -306,35 +320,51 @@ def _places(run: BumpRun, vehicle: Vehicle) -> dict[str, tuple[float, float, flo
     compared = [*frames, *(c for t in whole for c in (t.axle_acceleration, t.deflection))]
     window = record.window(compared) if compared else None
     if window is None or omega.size < 10:
-        return {}
-    moved = {c.sensor.column: record.acceleration(c, window, omega) for c in frames}
-    above: list[tuple[int, float, np.ndarray]] = []
+        return None
+    above = []
     for trio in whole:
         axle = vehicle.axles[trio.axle]
         a, q = (record.acceleration(c, window, omega) for c in (trio.axle_acceleration, trio.deflection))
         above.append((axle.body, axle.x_m, a + q))
-    result = {}
-    for channel in frames:
-        sensor = channel.sensor
-        points = [(x, s) for body, x, s in above if body == sensor.body]
-        points += [
-            (float(o.sensor.x_m or 0.0), moved[o.sensor.column])
-            for o in frames
-            if o is not channel and o.sensor.body == sensor.body
-        ]
-        x = np.array([p[0] for p in points])
-        if x.size < 4 or np.ptp(x) < 1.0:
-            continue
-        design = np.stack([np.ones(x.size), -(x - x.mean())], axis=1)
-        motion = np.linalg.lstsq(design, np.array([p[1] for p in points]), rcond=None)[0]
-        here = float(sensor.x_m or 0.0)
-        rest = moved[sensor.column] - (motion[0] - (here - x.mean()) * motion[1])
-        slope = -motion[1]
-        scale = 1.0 / max(_power(moved[sensor.column]), 1e-30)
-        result[sensor.column] = (
-            scale * float(np.real(np.vdot(slope, rest))),
-            scale * _power(slope),
-            scale * _power(rest),
-            1.0,
-        )
+    return _FrameSpectra(
+        {
+            c.sensor.column: (
+                int(c.sensor.body or 0),
+                float(c.sensor.x_m or 0.0),
+                record.acceleration(c, window, omega),
+            )
+            for c in frames
+        },
+        above,
+    )
+
+
+def _place_sums(spectra: Sequence[_FrameSpectra], moved: Mapping[str, float]) -> dict[str, tuple[float, float, float]]:
+    """Sums over the runs of how far [m] each frame sensor is from its place: top, bottom, and what is left before.
+
+    Parameters
+    ----------
+    moved
+        Distances [m] by which sensors are taken to be behind their listed places.
+    """
+    result: dict[str, tuple[float, float, float]] = {}
+    for run in spectra:
+        places = {c: (body, x + moved.get(c, 0.0), s) for c, (body, x, s) in run.sensors.items()}
+        for column, (body, here, motion_here) in places.items():
+            points = [(x, s) for b, x, s in run.above if b == body]
+            points += [(x, s) for c, (b, x, s) in places.items() if c != column and b == body]
+            x = np.array([p[0] for p in points])
+            if x.size < 4 or np.ptp(x) < 1.0:
+                continue
+            design = np.stack([np.ones(x.size), -(x - x.mean())], axis=1)
+            motion = np.linalg.lstsq(design, np.array([p[1] for p in points]), rcond=None)[0]
+            rest = motion_here - (motion[0] - (here - x.mean()) * motion[1])
+            slope = -motion[1]
+            scale = 1.0 / max(_power(motion_here), 1e-30)
+            top, bottom, left = result.get(column, (0.0, 0.0, 0.0))
+            result[column] = (
+                top + scale * float(np.real(np.vdot(slope, rest))),
+                bottom + scale * _power(slope),
+                left + scale * _power(rest),
+            )
     return result

@@ -62,3 +62,22 @@ def test_an_axle_whose_sensors_are_upside_down_is_at_its_place() -> None:
     text = said(replace(campaign, bump_runs=tuple(runs)))
     assert "'axle2_accel_g' has the wrong sign" in text
     assert "m instead of" not in text
+
+
+@pytest.mark.parametrize(("number", "by_m"), [(3, 1.2), (5, -1.2), (5, 1.2)])
+def test_a_frame_sensor_off_its_place_accuses_no_other(number: int, by_m: float) -> None:
+    """Its neighbours are compared with what it shows: the one whose move explains most is the wrong one."""
+    campaign = truck("data")
+    runs = []
+    for run in campaign.bump_runs:
+        channels = tuple(
+            replace(c, sensor=replace(c.sensor, x_m=c.sensor.x_m + by_m))
+            if c.sensor.column == f"frame{number}_accel_g"
+            else c
+            for c in run.log.channels
+        )
+        runs.append(replace(run, log=replace(run.log, channels=channels)))
+    text = said(replace(campaign, bump_runs=tuple(runs)))
+    assert re.findall(r"'(frame\d_accel_g)' moves as the frame does", text) == [f"frame{number}_accel_g"]
+    assert "pitch_inertia" not in text
+    assert "moves as the frame does" not in said(campaign)
