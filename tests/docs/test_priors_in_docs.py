@@ -25,6 +25,7 @@ def test_medians_of_elements_stand_in_the_table_of_priors() -> None:
     """Those that do not depend on the axle, in the words of the table."""
     expected = {"slip_length", "damper_asymmetry", "damper_knee", "damper_rounding", "damper_tail", "progressivity"}
     expected |= {"stroke_stiffening", "stop_stiffness", "bushing_stiffness"}
+    expected |= {"helper_stiffness", "helper_travel"}
     for quantity in (QUANTITIES[name] for name in expected):
         name = quantity.symbol if quantity.shared else f"{quantity.symbol}_i"
         (row,) = (line for line in PAGE.splitlines() if line.startswith("|") and f"`{name}`" in line)

@@ -12,6 +12,7 @@ from rigid_truck import AXLES
 from sysid.campaign.vehicle_records import ForceTable, LeafDimensions
 from sysid.estimation.parameters.campaign_parameters import leaf_pack_stiffness
 from sysid.estimation.parameters.suspension_curves import (
+    helper_ramps,
     joined_stops,
     lash_ramps,
     stop_ramps,
@@ -58,6 +59,23 @@ def test_a_heavier_load_rests_further_down_the_table(curves):
     for e in (-0.05, -0.01, 0.0, 0.02, 0.06):
         expected = np.interp(rest + e, EXTENSION, FORCE_N) + 8e3
         assert np.asarray(spring_force(law, column(e)))[1, 0, 0] == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("travel", [0.03, 0.01])
+def test_helper_leaves_act_from_a_compression_on_and_a_heavier_load_rests_nearer_or_beyond(travel):
+    """Against the curve of both leaves from rest in the first load case, turned over numerically for 8 kN more."""
+    k, helper = 4e5, 9e5
+    grid = np.linspace(-0.2, 0.2, 400001)
+    curve = k * grid - helper * np.maximum(0.0, -travel - grid)
+    slope, ramp = helper_ramps(column(helper), column(travel), column(k), np.array([0.0, 8e3])[:, None, None])
+    law = SuspensionLaw(slope, column(0.0), ramps=ramp)
+    for number, more in enumerate((0.0, 8e3)):
+        rest = np.interp(-more, curve, grid)
+        for e in np.linspace(-0.08, 0.08, 33):
+            expected = np.interp(rest + e, grid, curve) + more
+            assert np.asarray(spring_force(law, column(e)))[number, 0, 0] == pytest.approx(expected, abs=1.0)
+    # 8 kN compress the main leaves by 20 mm.
+    assert slope[1, 0, 0] == pytest.approx(k if travel == 0.03 else k + helper)
 
 
 def test_a_damper_table_is_scaled_to_its_secant_at_half_a_metre_per_second(curves):

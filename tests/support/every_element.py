@@ -14,11 +14,11 @@ from sysid.campaign.vehicle_records import AxleGroup, Equaliser, ForceTable, Fra
 def campaign_with_every_element(
     joined: str, *, runs: int = 1, samples: int = 220, antialias: AntiAliasFilter | None = rigid_truck.FILTER
 ) -> Campaign:
-    """Friction, stops, asymmetric damper in bushings in front; gas spring, lash, tables behind, on what `joined` says.
+    """Friction, stops, asymmetric damper in bushings in front; gas spring, helper leaves, lash and tables behind.
 
     Parameters
     ----------
-    joined : "beam", "equaliser", or "equaliser and bending frame".
+    joined : what the axles behind stand on, "beam", "equaliser", or "equaliser and bending frame".
     """
     spring = ForceTable((-0.1, -0.01, 0.01, 0.1), (-3.5e4, -3e3, 3e3, 4e4))
     damper = ForceTable((-1.0, -0.2, 0.1, 1.0), (-8e3, -3e3, 2e3, 9e3))
@@ -32,7 +32,7 @@ def campaign_with_every_element(
         ),
         replace(
             second,
-            suspension_law="gas_spring + hanger_lash + spring_table + damper_table",
+            suspension_law="gas_spring + helper_spring + hanger_lash + spring_table + damper_table",
             hanger_lash_m=0.01,
             spring_table=spring,
             damper_table=damper,

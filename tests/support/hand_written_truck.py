@@ -69,11 +69,11 @@ class Truck:
     height_m: float
     law: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] = linear
     slip_m: float = 1e-3
-    bushing_N_per_m: np.ndarray | None = None
-    damper_rate: Callable[[np.ndarray], np.ndarray] = lambda force: force / DAMPING
     load: LoadCase = EMPTY
     bend: Bend | None = None
     acceleration_m_s2: float = 0.0
+    bushing_N_per_m: np.ndarray | None = None
+    damper_rate: Callable[[np.ndarray], np.ndarray] = lambda force: force / DAMPING
 
     def __post_init__(self) -> None:
         static = np.array(self.load.axle_loads_kg) * 9.81

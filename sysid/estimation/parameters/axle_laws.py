@@ -14,6 +14,7 @@ from sysid.campaign.vehicle_records import Vehicle
 from sysid.estimation.parameters.parameter_set import SHARE_ODDS, ParameterSet, bending_names
 from sysid.estimation.parameters.suspension_curves import (
     SuspensionCurves,
+    helper_ramps,
     joined_ramps,
     joined_stops,
     lash_ramps,
@@ -235,6 +236,12 @@ def _suspension(
         base = stiffness * curves.spring.share
     if curves.lash is not None:
         ramps.append(lash_ramps(curves.lash, stiffness, inputs.carried_load))
+    helper, travel = element("helper_stiffness"), element("helper_travel")
+    if helper is not None and travel is not None:
+        further = inputs.carried_load * (1.0 - 1.0 / inputs.load_growth)
+        slope, ramp = helper_ramps(helper, travel, stiffness, further)
+        base = base + slope - stiffness
+        ramps.append(ramp)
     damper = curves.damper
     stops: HostOrDevice | None = curves.stops
     jounce, rebound = element("jounce_travel"), element("rebound_travel")

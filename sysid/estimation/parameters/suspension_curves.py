@@ -192,6 +192,28 @@ def lash_ramps(lash: np.ndarray, stiffness: RunsByAxlesBySets, carried: np.ndarr
     return Ramps(at, xp.stack([-slope, slope]), xp.ones_like(at))
 
 
+def helper_ramps(
+    helper: RunsByAxlesBySets, travel: RunsByAxlesBySets, stiffness: RunsByAxlesBySets, further: np.ndarray
+) -> tuple[RunsByAxlesBySets, Ramps]:
+    """Slope at rest (R, na, S) of a spring with helper leaves, and the ramp where they begin to act.
+
+    At rest in the first load case the main leaves act alone. A load that is larger by dL compresses them by dL / k, and
+    beyond the travel d both by (dL - k d) / (k + k_h): there the ramp takes the helper leaves away in rebound.
+
+    Parameters
+    ----------
+    helper, travel : (R, na, S) k_h [N/m] and d [m]; stiffness : (R, na, S) k of the main leaves [N/m].
+    further : (R, na, 1) dL, load on the spring over that in the first load case [N].
+    """
+    xp = numpy_of(stiffness, helper, travel)
+    beyond = further - stiffness * travel
+    acts = beyond > 0.0
+    at = xp.where(acts, beyond / (stiffness + helper), beyond / stiffness)
+    side = xp.where(acts, 1.0, -1.0)
+    slope = xp.where(acts, stiffness + helper, stiffness)
+    return slope, Ramps(at[None], (-side * helper)[None], side[None])
+
+
 def joined_ramps(parts: list[Ramps]) -> Ramps:
     """All ramps of one or more parts."""
     return Ramps(*(numpy_of(*arrays).concatenate(arrays) for arrays in zip(*parts, strict=True)))

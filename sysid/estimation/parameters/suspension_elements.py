@@ -73,6 +73,10 @@ NO_STOP_M = 1e3
 #: are generally known of leaf packs.
 FRICTION_SHARE = {"leaf": 0.05, "air": 0.02, "other": 0.03}
 
+#: Stiffness [N/m] of the helper leaves of an axle, compression [m] from rest in the first load case from which on they
+#: act, and the standard deviation of both logarithms. Assumptions: helpers are about as stiff as the main leaves, and
+#: are to act under load, not on the empty truck.
+GENERIC_HELPER_STIFFNESS, HELPER_TRAVEL_M, HELPER_SD = 8.0e5, 0.03, 0.8
 #: Stiffness [N/m] of the bushings of an axle's two dampers, an eye at each end of both, and the standard deviation of
 #: its logarithm: 2 to 20 MN/m from eyes of 4 to 40 kN/mm (an assumption: general knowledge of rubber in shock absorbers
 #: of trucks).
@@ -189,6 +193,31 @@ ELEMENTS = {
                     0.0,
                     "stiffening",
                     lambda share, stiffness, carried, growth: share / STIFFENING_STROKE_M**2,
+                ),
+            ),
+        ),
+        Element(
+            "helper_spring",
+            "helper leaves that act from a compression on",
+            (
+                ElementQuantity(
+                    "helper_stiffness",
+                    "helper",
+                    "N/m",
+                    False,
+                    lambda axle, carried: GENERIC_HELPER_STIFFNESS,
+                    HELPER_SD,
+                    0.0,
+                ),
+                ElementQuantity(
+                    "helper_travel",
+                    "helper_travel",
+                    "m",
+                    False,
+                    lambda axle, carried: HELPER_TRAVEL_M,
+                    HELPER_SD,
+                    NO_STOP_M,
+                    decides=False,
                 ),
             ),
         ),
