@@ -94,7 +94,7 @@ def write_call(file: Path, work: Work, density: LogDensity, sets: np.ndarray, gr
         shape.sensors,
         shape.recursion,
         arrays.readings(inputs.noise_sd, inputs.tempering),
-        inputs.local,
+        inputs.columns,
     )
     every, settings = call.ordered(), call.settings
     with file.open("wb") as out:

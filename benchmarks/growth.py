@@ -77,7 +77,7 @@ def _of_group(work: Work, inputs: GroupInputs, shape: GroupShape) -> Callable[[]
     sets = work.sets(SETS).T
 
     def call() -> object:
-        return np.asarray(group_misfits(inputs, sets, shape=shape))
+        return group_misfits(inputs, sets, shape=shape)[0]
 
     call()
     return call
@@ -114,7 +114,9 @@ def _more_samples(inputs: GroupInputs, shape: GroupShape, factor: int) -> tuple[
 
     dense = arrays._replace(value=often(arrays.value), measured=often(arrays.measured), censored=often(arrays.censored))
     changed = shape._replace(interval_s=shape.interval_s / factor, samples=shape.samples * factor)
-    return inputs._replace(arrays=dense, local=inputs.local._replace(residual=often(inputs.local.residual))), changed
+    return inputs._replace(
+        arrays=dense, columns=inputs.columns._replace(residual=often(inputs.columns.residual))
+    ), changed
 
 
 def _more_axles(inputs: GroupInputs, shape: GroupShape, count: int) -> tuple[GroupInputs, GroupShape]:

@@ -167,10 +167,8 @@ def finished_fit(campaign: Path, folder: Path) -> Target:
     sampled, point = calibration._runner.known(SAMPLE), state.point
     sd = None
     if sampled is not None and sampled.converged:
-        draws = np.log(sampled.draws)
-        own = draws if point.spread is None else point.spread.taken_away(draws, sampled.seed, sampled.burn_in)
-        sd = own.std(axis=(0, 1, 2))
-    return Target(density, fit.names, np.asarray(point.log_parameters, float), np.asarray(point.covariance), sd)
+        sd = np.log(sampled.draws).std(axis=(0, 1, 2))
+    return Target(density, fit.names, np.asarray(point.mode, float), np.asarray(point.covariance), sd)
 
 
 def measure(target: Target, name: str, limit_s: float, seed: int) -> Outcome:

@@ -26,7 +26,7 @@ struct Call {
   std::vector<std::vector<int64_t>> shapes;
   std::vector<std::vector<double>> values;
   std::vector<sysid::Array> arrays;
-  std::vector<double> misfit;
+  std::vector<double> squares, products;
   std::vector<int64_t> deflection_axles, acceleration_axles;
   sysid::Settings settings;
 };
@@ -60,7 +60,8 @@ Call load(const char* path) {
     call.arrays.push_back({call.values.back().data(), shape.data(), static_cast<int64_t>(shape.size())});
   }
   const auto& laws = call.shapes[sysid::kLaws];
-  call.misfit.resize(laws[1] * laws[3]);
+  call.squares.resize(laws[1] * laws[3]);
+  call.products.resize(call.arrays.back().shape[2] * call.squares.size());
   s.deflection_axles = {call.deflection_axles.data(), static_cast<int64_t>(call.deflection_axles.size())};
   s.acceleration_axles = {call.acceleration_axles.data(), static_cast<int64_t>(call.acceleration_axles.size())};
   if (!in) std::cerr << "incomplete file " << path << "\n";
@@ -89,12 +90,12 @@ int main(int count, char** names) {
     const double processor = processor_seconds();
     const auto start = std::chrono::steady_clock::now();
     for (int k = 0; k < repeats; ++k) {
-      double* results[] = {call.misfit.data()};
+      double* results[] = {call.squares.data(), call.products.data()};
       if (sysid_misfits(call.arrays.data(), call.arrays.size(), &call.settings, results) != nullptr) return 1;
     }
     const double wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     double sum = 0.0;
-    for (const double x : call.misfit) sum += x;
+    for (const double x : call.squares) sum += x;
     std::printf("%.9e %.9e %.17e", wall, processor_seconds() - processor, sum);
 #ifdef SYSID_COUNTED
     for (sysid::Count& kind : sysid::counted) {

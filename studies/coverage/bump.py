@@ -95,9 +95,8 @@ def ranks(number: int, planned: Campaign, sensors: Instruments, seed: int) -> Re
     except SysidError as error:
         return {"number": number, "failed": str(error), "entries": []}
     density, options = LogDensity(state).with_larger_steps(), SamplingOptions(seed=number)
-    centre = state.point.log_parameters
-    own, spread = state.point.covariance, state.point.spread
-    posterior = sample_posterior(density, parameters.names, centre, own, LIKELIHOOD, options, spread=spread)
+    centre, point = state.point.log_parameters, state.point
+    posterior = sample_posterior(density, parameters.names, point.mode, point.covariance, LIKELIHOOD, options)
     pooled = np.log(posterior.draws.reshape(-1, centre.size))
     draws = pooled[random.choice(len(pooled), DRAWS, replace=False)]
     sd = np.sqrt(np.diag(fit.covariance))

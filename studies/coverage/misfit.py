@@ -18,7 +18,6 @@ from sysid.errors import SysidError
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.options import FitOptions
-from sysid.estimation.fit.state import FitState
 from sysid.posterior.log_density import LIKELIHOOD, LogDensity
 from sysid.posterior.options import SamplingOptions
 from sysid.posterior.sampling import sample_posterior
@@ -78,16 +77,15 @@ def replicate(number: int) -> Record:
         posterior = sample_posterior(
             LogDensity(state).with_larger_steps(),
             fit.names,
-            state.point.log_parameters,
+            state.point.mode,
             state.point.covariance,
             LIKELIHOOD,
             SamplingOptions(seed=number),
-            spread=state.point.spread,
         )
     except SysidError as error:
         return {**record, "failed": str(error), "entries": []}
     sampled = np.log(posterior.draws.reshape(-1, len(fit.names)))
-    mode = posterior_mode(state)
+    mode = state.point.mode
     normal = mode + random.standard_normal((DRAWS, mode.size)) @ np.linalg.cholesky(fit.covariance).T
     requests = campaign.predictions
     passes = [predict(state, draws, requests, seed=number, sweep_km_h=()) for draws in (sampled, normal)]
@@ -117,12 +115,6 @@ def _misfit(fit: FitResult) -> float:
 
 def _band(draws: np.ndarray) -> list[float]:
     return [float(v) for v in np.exp(np.quantile(draws, (0.05, 0.5, 0.95)))]
-
-
-def posterior_mode(state: FitState) -> np.ndarray:
-    """Mode (p,) of the normal approximation of the posterior: the optimum, and where model error leaves it."""
-    spread = state.point.spread
-    return np.asarray(state.point.log_parameters + (0.0 if spread is None else spread.shift))
 
 
 def _peaks(plan: Plan, world: World, reported: Predictions, normal: Predictions) -> list[Record]:

@@ -2,8 +2,7 @@
 
 Three simulated three-axle trucks with one campaign each are calibrated.  Then all parameters of all campaigns, the
 type's mean, spreads and correlations are sampled together, by Metropolis within Gibbs, from the densities that the
-campaigns themselves were sampled from: no campaign is replaced by its draws or by a Gaussian.  A campaign's parameters
-are x + d, with x from the density of its fit and d from its spread: both are proposed together, d given x.
+campaigns themselves were sampled from: no campaign is replaced by its draws or by a Gaussian.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from studies.documents import write_between_marks
-from sysid.estimation.uncertainty.spread import covariance_root
 from sysid.fleet.assembly import assemble
 from sysid.fleet.draws import RECORD_FILE, CampaignDraws, read_draws
 from sysid.fleet.hierarchy import HyperPriors
@@ -40,9 +38,9 @@ _WIDTH = 2.0 * 1.6448536
 
 @dataclass(frozen=True)
 class Member:
-    """One campaign: its density and spread, places of the shared parameters, and their prior's mean and precision.
+    """One campaign: its density, places of the shared parameters, and their prior's mean and precision.
 
-    `centre` (p,) and `precision` (p, p) of the draws x of the density, which proposals begin with.
+    `centre` (p,) and `precision` (p, p) of the draws of the density, which proposals begin with.
     """
 
     fitted: Fitted
@@ -85,7 +83,6 @@ class JointSampler:
         self._odds = self._random.standard_normal((chains, len(self._groups)))
         self._mean = np.tile(np.mean([m.fitted.centre[m.at] for m in members], axis=0), (chains, 1))
         self._x = [np.tile(m.fitted.centre, (chains, 1)) for m in members]
-        self._total = [x + m.fitted.spread.shift for m, x in zip(members, self._x, strict=True)]
         self._density = [m.fitted.density(x) for m, x in zip(members, self._x, strict=True)]
         self.accepted = np.zeros(len(members))
 
@@ -109,7 +106,7 @@ class JointSampler:
             between = np.linalg.inv(self.covariance(self._log_spread, self._odds))
             for number in range(len(self._members)):
                 self._move_campaign(number, between)
-            trucks = np.stack([x[:, m.at] for x, m in zip(self._total, self._members, strict=True)], axis=1)
+            trucks = np.stack([x[:, m.at] for x, m in zip(self._x, self._members, strict=True)], axis=1)
             self._move_spreads(trucks)
             self._draw_mean(trucks)
             if step >= steps // 5:
@@ -121,28 +118,19 @@ class JointSampler:
         return {name: np.concatenate(values) for name, values in kept.items()}
 
     def _move_campaign(self, number: int, between: np.ndarray) -> None:
-        """Metropolis-Hastings of all parameters of a campaign, given the population: x, and d as it is given x."""
+        """Metropolis-Hastings of all parameters of a campaign, given the population."""
         m, x = self._members[number], self._x[number]
         chains, p = x.shape
-        # The population in place of the prior: a quadratic form h'y - y'K y / 2 of y = x + d.
+        # The population in place of the prior: a quadratic form h'x - x'K x / 2.
         k, h = np.zeros((chains, p, p)), np.zeros((chains, p))
         k[:, m.at[:, None], m.at] = between - m.prior[1]
         h[:, m.at] = np.einsum("nij,nj->ni", between, self._mean) - m.prior[1] @ m.prior[0]
-        shift, wide = m.fitted.spread.shift, m.fitted.spread.covariance
-        v = np.linalg.solve(np.eye(p) + wide @ k, np.tile(wide, (chains, 1, 1)))
-        v = 0.5 * (v + v.transpose(0, 2, 1))
-
-        def pull(at: np.ndarray) -> np.ndarray:
-            return np.asarray(h - np.einsum("nij,nj->ni", k, at + shift))
 
         def log_population(at: np.ndarray) -> np.ndarray:
-            y, g = at + shift, pull(at)
-            square = np.einsum("ni,nij,nj->n", y, k, y)
-            return np.asarray((h * y).sum(axis=1) - 0.5 * square + 0.5 * np.einsum("ni,nij,nj->n", g, v, g))
+            return np.asarray((h * at).sum(axis=1) - 0.5 * np.einsum("ni,nij,nj->n", at, k, at))
 
-        left = np.eye(p) - k @ v
-        precision = m.precision + 0.5 * (left @ k + (left @ k).transpose(0, 2, 1))
-        step = np.einsum("nij,nj->ni", left, pull(np.tile(m.centre, (chains, 1))))
+        precision = m.precision + k
+        step = h - np.einsum("nij,j->ni", k, m.centre)
         mean = m.centre + np.linalg.solve(precision, step[..., None])[..., 0]
         root = np.linalg.inv(np.linalg.cholesky(precision)).transpose(0, 2, 1)
         scale = np.sqrt(_FREEDOM / self._random.chisquare(_FREEDOM, (chains, 1)))
@@ -156,11 +144,7 @@ class JointSampler:
         ratio = density + log_population(proposed) - log_proposal(proposed)
         ratio -= self._density[number] + log_population(x) - log_proposal(x)
         better = np.log(self._random.uniform(size=chains)) < ratio
-        roots = np.stack([covariance_root(one) for one in v])
-        d = shift + np.einsum("nij,nj->ni", v, pull(proposed))
-        d += np.einsum("nij,nj->ni", roots, self._random.standard_normal((chains, p)))
         self._x[number] = np.where(better[:, None], proposed, x)
-        self._total[number] = np.where(better[:, None], proposed + d, self._total[number])
         self._density[number] = np.where(better, density, self._density[number])
         self.accepted[number] += better.mean()
 

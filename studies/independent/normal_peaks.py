@@ -35,9 +35,8 @@ def normal_peaks(
     kept = done.result(stages.FIT)
     profiles = {name: scan.profile for name, scan in done.scan().items()}
     state = restored(done.campaign, profiles, kept.point)
-    spread, covariance = state.point.spread, kept.fit.covariance
-    centre = state.point.log_parameters + (0.0 if spread is None else spread.shift)
-    draws = np.random.default_rng(seed).multivariate_normal(centre, covariance, DRAWS, method="eigh")
+    point = state.point
+    draws = np.random.default_rng(seed).multivariate_normal(point.mode, point.covariance, DRAWS, method="eigh")
     passes = predict(state, draws, done.campaign.predictions, seed=seed, sweep_km_h=()).passes
     return [np.transpose([p.peak_ratio_q05, p.peak_ratio_q50, p.peak_ratio_q95]).tolist() for p in passes]
 

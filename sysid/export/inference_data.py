@@ -20,9 +20,8 @@ def posterior_tree(results: Results) -> xr.DataTree:
     A chain is one independent ensemble; its draws are walker after walker over the first half of the kept steps, then
     over the second.  Every parameter is a variable of its own, in its natural unit (attribute ``units``), with the
     ``effective_draws`` and ``rhat`` of result.json; ``/`` in a name, which HDF5 reserves, becomes ``|``.
-    ``sample_stats.lp`` is the log-probability up to a constant of what was sampled, before masses and model error were
-    added to the draws.  Attributes ``verdict`` and ``verdict_reasons`` say whether the draws may be used, as
-    result.json does.
+    ``sample_stats.lp`` is the log-probability up to a constant.  Attributes ``verdict`` and ``verdict_reasons`` say
+    whether the draws may be used, as result.json does.
 
     Raises CampaignError if the posterior has not been sampled.
     """

@@ -7,14 +7,7 @@ other trucks they do.  The prior N(m0, P) of the shared parameters is exchanged 
 
 and a Gaussian N(x0, C) of all parameters, prior or posterior, has the precision C^-1 + S^-1 - P^-1 afterwards.
 
-Draws of a campaign are x + d, with x from the log-density of its fit and d ~ N(mu, D)
-(:mod:`sysid.estimation.uncertainty.spread`).  The change above is the quadratic form h'y - y'K y / 2 of y = x + d, with
-K = S^-1 - P^-1 and h = S^-1 m - P^-1 m0 in the shared parameters.  With d integrated out, the log-density of x changes
-by
-
-    h'y - y'K y / 2 + g'V g / 2,    y = x + mu,    g = h - K y,    V = (I + D K)^-1 D,
-
-and then d ~ N(mu + V g, V).
+This is the quadratic form h'x - x'K x / 2 with K = S^-1 - P^-1 and h = S^-1 m - P^-1 m0 in the shared parameters.
 """
 
 from __future__ import annotations
@@ -25,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from sysid.estimation.uncertainty.spread import Spread
 from sysid.fleet.draws import CampaignDraws
 
 #: How much wider than the population its prior is taken: weights of draws under it are then bounded, and a truck that
@@ -59,15 +51,11 @@ def prior_of_others(names: Sequence[str], mean: np.ndarray, covariance: np.ndarr
 
 @dataclass(frozen=True)
 class Fitted:
-    """Log-density of a calibrated campaign, (n, p) -> (n,), its optimum (p,), its covariance (p, p), and the spread.
-
-    Draws of the campaign are those of the density, each with one of the spread.
-    """
+    """Log-density of a calibrated campaign, (n, p) -> (n,), and mode (p,) and covariance (p, p) of its Gaussian."""
 
     density: Callable[[np.ndarray], np.ndarray]
     centre: np.ndarray
     covariance: np.ndarray
-    spread: Spread
 
 
 @dataclass(frozen=True)
@@ -98,29 +86,16 @@ class ExchangedPrior:
         changed = np.linalg.inv(precision)
         return changed @ linear, 0.5 * (changed + changed.T)
 
-    def sampled(self, fitted: Fitted) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray, Spread]:
-        """What to sample with the exchanged prior: log-density (n, p) -> (n,) of x, its Gaussian, and the spread d."""
-        count = fitted.centre.size
-        k, h = np.zeros((count, count)), np.zeros(count)
+    def sampled(self, fitted: Fitted) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray]:
+        """What to sample with the exchanged prior: log-density (n, p) -> (n,), mean and covariance of its Gaussian."""
         after, before = np.linalg.inv(self.new[1]), np.linalg.inv(self.old[1])
-        k[np.ix_(self.at, self.at)] = after - before
-        h[self.at] = after @ self.new[0] - before @ self.old[0]
-        shift, wide = fitted.spread.shift, fitted.spread.covariance
-        v = np.linalg.solve(np.eye(count) + wide @ k, wide)
-        v = 0.5 * (v + v.T)
+        k, h = after - before, after @ self.new[0] - before @ self.old[0]
 
         def density(points: np.ndarray) -> np.ndarray:
-            y = np.atleast_2d(points) + shift
-            g = h - y @ k
-            change = y @ h - 0.5 * ((y @ k) * y).sum(axis=1) + 0.5 * ((g @ v) * g).sum(axis=1)
-            return np.asarray(fitted.density(points) + change)
+            x = np.atleast_2d(points)[:, self.at]
+            return np.asarray(fitted.density(points) + x @ h - 0.5 * ((x @ k) * x).sum(axis=1))
 
-        left = np.eye(count) - k @ v
-        size, directions = np.linalg.eigh(np.linalg.inv(fitted.covariance) + 0.5 * (left @ k + (left @ k).T))
-        # What is not above zero is rounding: the data are silent there, and so is the population.
-        covariance = (directions / np.maximum(size, 1e-12 * size.max())) @ directions.T
-        centre = fitted.centre + covariance @ left @ (h - k @ (fitted.centre + shift))
-        return density, centre, covariance, Spread(shift + v @ (h - k @ shift), v, v @ k)
+        return density, *self.gaussian(fitted.centre, fitted.covariance)
 
 
 def exchange(record: CampaignDraws, prior: PopulationPrior) -> ExchangedPrior:

@@ -6,10 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from sysid.errors import DataRejectedError
-from sysid.estimation.uncertainty.spread import Spread
 from sysid.fleet.draws import POPULATION_RECORD_FILE, RECORD_FILE, read_draws, record_digest, thinned, write_draws
 from sysid.fleet.key import file_digests
 from sysid.fleet.outcome import read_outcome
@@ -42,9 +39,7 @@ def read_fitted(campaign: Path, output: Path, progress: Progress) -> Fitted:
     fitted = calibration.result(FIT)
     profiles = {name: analysis.profile for name, analysis in calibration.scan().items()}
     state = restored(calibration.campaign, profiles, fitted.point)
-    point, count = state.point, state.point.log_parameters.size
-    spread = point.spread or Spread(np.zeros(count), np.zeros((count, count)))
-    return Fitted(LogDensity(state).with_larger_steps(), point.log_parameters, point.covariance, spread)
+    return Fitted(LogDensity(state).with_larger_steps(), state.point.mode, state.point.covariance)
 
 
 def sample_again(campaign: Path, output: Path, prior: PopulationPrior, progress: Progress) -> bool:
@@ -71,7 +66,7 @@ def sample_again(campaign: Path, output: Path, prior: PopulationPrior, progress:
     if file_digests(campaign, outcome.inputs) != dict(outcome.inputs):
         raise DataRejectedError("The campaign has changed since it was calibrated; run the fleet first.")
     fitted, exchanged = read_fitted(campaign, output, progress), exchange(record, prior)
-    density, centre, covariance, spread = exchanged.sampled(fitted)
+    density, centre, covariance = exchanged.sampled(fitted)
     posterior = sample_posterior(
         density,
         record.names,
@@ -79,7 +74,6 @@ def sample_again(campaign: Path, output: Path, prior: PopulationPrior, progress:
         covariance,
         LIKELIHOOD,
         replace(SamplingOptions(), seed=recall(output).get("seed", 0)),
-        spread=spread,
         progress=progress,
     )
     if not posterior.converged:

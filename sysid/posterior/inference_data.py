@@ -44,7 +44,7 @@ class Draws(Protocol):
 
     @property
     def log_probability(self) -> np.ndarray:
-        """Log-probability up to a constant (ensembles, steps, walkers), of what was sampled."""
+        """Log-probability up to a constant (ensembles, steps, walkers)."""
 
     @property
     def summaries(self) -> Sequence[Summary]:
@@ -98,12 +98,11 @@ def posterior_dataset(posterior: Draws, about: Mapping[str, Mapping[str, Any]] |
 
 
 def sample_stats(posterior: Draws) -> xr.Dataset:
-    """Variable ``lp``, (chain, draw): log-probability up to a constant, before masses and model error were added."""
+    """Variable ``lp``, (chain, draw): log-probability up to a constant."""
     import xarray as xr
 
     lp = _ordered(posterior.log_probability)
-    about = {"comment": "of what was sampled, before masses and model error were added to the draws"}
-    return xr.Dataset({"lp": xr.Variable(("chain", "draw"), lp, about)}, _coordinates(posterior))
+    return xr.Dataset({"lp": xr.Variable(("chain", "draw"), lp)}, _coordinates(posterior))
 
 
 def arviz_data(posterior: Draws) -> Any:

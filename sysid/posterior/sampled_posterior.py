@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.arrays import EnsemblesByStepsByWalkers, Parameters, WalkerDraws
-from sysid.estimation.uncertainty.spread import Spread
 from sysid.tabular import Tabular, records_table
 from sysid.wording import finish, nearest, shorten
 
@@ -39,10 +38,9 @@ class PosteriorSummary:
 class Posterior(Tabular):
     """Draws of all ensembles after burn-in, in natural units.
 
-    `draws` (ensembles, steps, walkers, parameters); `log_probability` (ensembles, steps, walkers) of what was sampled,
-    before masses and model error were added to the draws (:mod:`sysid.estimation.uncertainty.spread`);
+    `draws` (ensembles, steps, walkers, parameters); `log_probability` (ensembles, steps, walkers) up to a constant;
     `autocorrelation_time` (parameters,) in steps; `acceptance` (ensembles,).  `converged` is the verdict over
-    independent ensembles (R-hat and effective draws of every parameter, before that addition), `message` says it in
+    independent ensembles (R-hat and effective draws of every parameter), `message` says it in
     words.  `rejected` counts proposals without a finite simulation.  `against_intervals` are those `warnings` that
     speak against relying on the intervals.
     """
@@ -104,24 +102,19 @@ class Posterior(Tabular):
         return arviz_data(self)
 
 
-def optimum_warnings(
-    posterior: Posterior, optimum: Parameters, log_density: float, spread: Spread | None = None
-) -> tuple[str, ...]:
+def optimum_warnings(posterior: Posterior, optimum: Parameters, log_density: float) -> tuple[str, ...]:
     """What draws say about the least-squares optimum: a sentence if they fit clearly better, so that it is a local one.
 
     The mean log-density of draws of a Gaussian with p parameters is p / 2 below its maximum.
 
     Parameters
     ----------
-    optimum : (p,) in natural units; log_density : there; spread : what the draws got in addition to the density.
+    optimum : (p,) in natural units; log_density : there.
     """
     higher = float(posterior.log_probability.mean()) + optimum.size / 2.0 - log_density
     if higher < LOCAL_OPTIMUM:
         return ()
-    logs = np.log(posterior.draws)
-    if spread is not None:
-        logs = spread.taken_away(logs, posterior.seed, posterior.burn_in)
-    low, middle, high = np.quantile(logs.reshape(-1, optimum.size), [0.05, 0.5, 0.95], axis=0)
+    low, middle, high = np.quantile(np.log(posterior.draws).reshape(-1, optimum.size), [0.05, 0.5, 0.95], axis=0)
     name = posterior.names[int(np.argmax(np.abs(middle - np.log(optimum)) / (high - low)))]
     return (
         f"The posterior fits better than the least-squares optimum (log-density {higher:.0f} higher), which is a local "

@@ -12,7 +12,6 @@ import emcee
 import numpy as np
 
 from sysid.arrays import Parameters, ParametersByParameters
-from sysid.estimation.uncertainty.spread import Spread
 from sysid.posterior.checkpoint import Checkpoint, Resumed, read_chain
 from sysid.posterior.diagnostics import Diagnosis, diagnose, standstills, summarise
 from sysid.posterior.ensembles import Density, Ensemble, advance, first, restored
@@ -43,7 +42,6 @@ def sample_posterior(
     likelihood: str,
     options: SamplingOptions | None = None,
     *,
-    spread: Spread | None = None,
     folder: Path | None = None,
     fingerprint: dict[str, str] | None = None,
     resume: bool = False,
@@ -58,7 +56,6 @@ def sample_posterior(
         density and are counted.
     names : (p,) names; draws are returned in natural units.
     centre, covariance : Laplace approximation (p,), (p, p) in log space.
-    spread : what every draw gets in addition to what the density says, None for nothing. Convergence is judged without.
     folder, fingerprint, resume : where the chain is kept, what ties it to data and settings, and whether to go on.
     progress, notice : callbacks for progress (message, fraction), and for what the user should know about a checkpoint.
 
@@ -100,7 +97,7 @@ def sample_posterior(
         if diagnosis is None or judged_at < history.steps:
             # The limit lies where convergence is not judged.
             diagnosis = _judged(history, options)
-    return _posterior(names, history, diagnosis, likelihood, options, spread)
+    return _posterior(names, history, diagnosis, likelihood, options)
 
 
 def posterior_so_far(
@@ -109,7 +106,6 @@ def posterior_so_far(
     names: tuple[str, ...],
     likelihood: str,
     options: SamplingOptions,
-    spread: Spread | None = None,
 ) -> Posterior | None:
     """Draws of a chain that is still being written, or was stopped; None if there is none of these data and settings.
 
@@ -119,7 +115,7 @@ def posterior_so_far(
     if stored is None or stored[0] != identity:
         return None
     history = History(stored[1])
-    return _posterior(names, history, _judged(history, options), likelihood, options, spread, finished=False)
+    return _posterior(names, history, _judged(history, options), likelihood, options, finished=False)
 
 
 def chain_identity(
@@ -146,9 +142,9 @@ def _states(
         return [restored(resumed.ending, e) for e in range(options.ensembles)]
     count = len(names)
     walkers = 2 * int(np.ceil(max(options.walkers_per_parameter * count, 2 * count + 2) / 2))
-    spread = covariance * options.start_inflation
+    wider = covariance * options.start_inflation
     seeds = np.random.SeedSequence(options.seed).spawn(options.ensembles)
-    return [first(density, names, centre, spread, walkers, seed) for seed in seeds]
+    return [first(density, names, centre, wider, walkers, seed) for seed in seeds]
 
 
 def _proposals(
@@ -229,14 +225,11 @@ def _posterior(
     diagnosis: Diagnosis,
     likelihood: str,
     options: SamplingOptions,
-    spread: Spread | None,
     *,
     finished: bool = True,
 ) -> Posterior:
     draws, steps = history.draws, history.steps
-    kept = draws[:, diagnosis.burn_in :]
-    kept = kept.copy() if spread is None else spread.added(kept, options.seed, diagnosis.burn_in)
-    np.exp(kept, out=kept)
+    kept = np.exp(draws[:, diagnosis.burn_in :])
     converged = finished and _kept_enough(steps, options) and _converged(diagnosis, options) and not options.preview
     # The log-density comes behind the parameters.
     worst = int(np.argmax([*diagnosis.rhat, diagnosis.density_rhat]))

@@ -149,8 +149,8 @@ def posterior_table(p: Posterior) -> Table:
         ("burn-in, thinning [steps]", f"{p.burn_in:,}, {p.thin:,}", "several autocorrelation times"),
         ("longest autocorrelation time [steps]", number(tau), ""),
         ("acceptance [-]", f"{number(min(acceptance), 2)} to {number(max(acceptance), 2)}", "0.2 to 0.5"),
-        ("worst R-hat, before masses and model error are added [-]", fixed(rhat, 3), "below 1.01"),
-        ("fewest effective draws, likewise", number(ess), "above 400"),
+        ("worst R-hat [-]", fixed(rhat, 3), "below 1.01"),
+        ("fewest effective draws", number(ess), "above 400"),
         ("seed", str(p.seed), ""),
     ]
     return table("Diagnostics of the sampling", ("quantity", "value", "what a converged run shows"), rows, 3)

@@ -12,8 +12,10 @@ import pytest
 from scipy.special import logsumexp
 from synthetic_fit import NOMINAL_M_S, SyntheticFit, synthetic_fit
 
+from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT
 from sysid.estimation.residuals.signals import simulate_group
+from sysid.estimation.uncertainty.integrated_unknowns import nothing_integrated
 from sysid.posterior.log_density import LogDensity, _common_slope, _principal_axes
 from sysid.vehicle_model.engines.reference import REFERENCE
 from sysid.vehicle_model.motion import Motion
@@ -27,8 +29,8 @@ def fit() -> SyntheticFit:
 
 @pytest.fixture(scope="session")
 def density(fit) -> LogDensity:
-    """The density under fixed footprint maps."""
-    return LogDensity(replace(fit.state, point=replace(fit.state.point, following=None)))
+    """The density of the parameters alone, masses and departures held, under fixed footprint maps."""
+    return LogDensity(replace(fit.state, point=replace(fit.state.point, integrated=None)))
 
 
 def in_batches(density: LogDensity, points: np.ndarray) -> np.ndarray:
@@ -91,8 +93,8 @@ def test_marginalisation_equals_brute_force_integration(fit, density):
         by_run[p.run][p.quantity] = p.sd
     files = [fit.campaign.bump_runs[r].log.file for r in fit.state.model.groups[0].runs]
     # Conditional widths for the grid, in the solver's units: a factor of the local normal matrix.
-    inputs = density._inputs[0]
-    normal = np.einsum("trck,trcl->rkl", inputs.local.residual, inputs.local.residual) + np.diag([0.0, 0.0, 1.0])
+    own = density._inputs[0].columns.residual[..., :3]
+    normal = np.einsum("trck,trcl->rkl", own, own) + np.diag([0.0, 0.0, 1.0])
     widths = np.linalg.inv(np.linalg.cholesky(normal)).transpose(0, 2, 1)
     assert all(by_run[f]["speed"] > 0 for f in files)
     random = np.random.default_rng(3)
@@ -106,7 +108,8 @@ def test_marginalisation_equals_brute_force_integration(fit, density):
 
 def test_maps_that_follow_the_tires_act_as_a_change_of_the_parameters(fit, density):
     following = np.eye(13) + 0.3 * np.random.default_rng(2).normal(size=(13, 13))
-    followed = LogDensity(replace(fit.state, point=replace(fit.state.point, following=following)))
+    integrated = replace(nothing_integrated(13), following=following)
+    followed = LogDensity(replace(fit.state, point=replace(fit.state.point, integrated=integrated)))
     centre = fit.state.point.log_parameters
     points = centre + 0.01 * np.random.default_rng(4).normal(size=(5, 13))
     rows, targets = fit.parameters.prior_rows()
@@ -119,20 +122,47 @@ def test_maps_that_follow_the_tires_act_as_a_change_of_the_parameters(fit, densi
     np.testing.assert_allclose(followed(points) - prior(points), density(there) - prior(there), rtol=1e-9)
 
 
-def test_curvature_is_the_covariance_that_is_kept_with_the_fit(fit):
-    """One standard deviation along any principal axis of the covariance costs half a unit of log-density."""
-    values, vectors = np.linalg.eigh(fit.state.point.covariance)
-    step = (vectors * np.sqrt(values)).T
-    centre, density = fit.state.point.log_parameters, LogDensity(fit.state)
-    up, down, here = (in_batches(density, x) for x in (centre + step, centre - step, centre[None]))
-    np.testing.assert_allclose(0.5 * (up + down) - here, -0.5, rtol=0.04)
-
-
-def test_covariance_and_spread_make_up_that_of_the_fit(fit):
+def test_the_density_is_that_of_the_covariance_and_mode_of_the_fit(fit):
+    """One and two standard deviations along any principal axis cost half a unit and two of log-density."""
     point = fit.state.point
-    np.testing.assert_allclose(point.covariance + point.spread.covariance, fit.result.covariance, rtol=1e-6, atol=1e-14)
-    # Masses, departures and model error leave k, c and tires less certain, and none more.
-    assert (np.diag(point.spread.covariance) > 0.0).all()
+    np.testing.assert_allclose(point.covariance, fit.result.covariance)
+    axes, density = _principal_axes(point.covariance), LogDensity(fit.state)
+    here = density(point.mode[None])
+    for far in (1.0, 2.0):
+        up, down = (in_batches(density, point.mode + s * far * axes) for s in (1.0, -1.0))
+        np.testing.assert_allclose((0.5 * (up + down) - here) / far**2, -0.5, atol=0.03)
+        np.testing.assert_allclose((up - down) / far, 0.0, atol=0.1)
+    # With masses and tires held some direction costs more.
+    held = LogDensity(replace(fit.state, point=replace(point, integrated=None)))
+    assert (in_batches(held, point.mode + axes) - held(point.mode[None])).min() < -0.56
+
+
+def test_masses_are_integrated_as_the_truck_moves_with_them(fit):
+    """Along the widest axis, against the cost of trucks of other masses, each simulated, motions followed.
+
+    For a normal distribution the integral over unknowns is, up to a constant, the density at their best.
+    """
+    state, point = fit.state, fit.state.point
+    assert point.integrated.factor == 1.0
+    allowances, response = state.allowances, point.mass_response
+    sd = np.array([*allowances.masses.sd, *np.full(len(allowances.departures.directions), np.inf)])
+    masses = len(allowances.masses.factors)
+    axis = _principal_axes(point.covariance)[-1]
+    steps = np.array([-2.0, 0.0, 2.0])
+    points = point.log_parameters + steps[:, None] * axis
+    costs = []
+    for x in points:
+        amounts = response.mean(x[None])[0]
+        amounts[masses:] = point.amounts[masses:]
+        model = allowances.on_same_roads(state.model, amounts)
+        problem = Problem(model, state.campaign, point.motion, point.weights)
+        residual, jacobian = problem.evaluate(problem.vector(x))
+        own = jacobian[:, len(x) :]
+        left = residual - own @ np.linalg.lstsq(own, residual, rcond=None)[0]
+        costs.append(0.5 * left @ left + 0.5 * np.sum((amounts / sd) ** 2))
+    density = LogDensity(state)(points)
+    np.testing.assert_allclose(density - density[1], np.array(costs[1]) - costs, atol=0.1)
+    assert np.ptp(density) > 1.0
 
 
 def test_batches_and_single_points_agree(fit, density):

@@ -53,7 +53,7 @@ def joint_density(fit: SyntheticFit, points: np.ndarray) -> np.ndarray:
 
 
 def marginal_density(fit: SyntheticFit, points: np.ndarray) -> np.ndarray:
-    density = LogDensity(replace(fit.state, point=replace(fit.state.point, following=None)))
+    density = LogDensity(replace(fit.state, point=replace(fit.state.point, integrated=None)))
     return np.concatenate([density(points[k : k + BATCH]) for k in range(0, len(points), BATCH)])
 
 

@@ -21,10 +21,9 @@ from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_history import HistoryBand
 from sysid.estimation.residuals.run_motion import RunMotion
-from sysid.estimation.uncertainty.spread import Spread
 from sysid.posterior import sampling
 from sysid.posterior.options import SamplingOptions
-from sysid.workflow import Calibration, Settings, stages
+from sysid.workflow import Calibration, Settings
 from sysid.workflow.progress import Steps
 from sysid.workflow.stages import BANDS, CHECK, DROPS, FIT, PREDICT, SAMPLE, SCAN, STAGES
 
@@ -95,19 +94,9 @@ def stubbed(tmp_path: Path, monkeypatch) -> Callable[..., Calibration]:
     return made
 
 
-def test_draws_get_the_spread_that_is_kept_with_the_fit(stubbed) -> None:
-    state = stages.posterior.fit_state(None)
-    count = state.point.log_parameters.size
-    state.point = replace(state.point, spread=Spread(np.full(count, 2.0), 8.0 * np.eye(count)))
-    draws = np.log(stubbed(max_steps=30).sample().draws)
-    # The standard normal that is sampled, three times as wide in all.
-    assert draws.mean() == pytest.approx(2.0, abs=0.05)
-    assert draws.std() == pytest.approx(3.0, abs=0.05)
-
-
 def test_what_the_draws_say_about_the_optimum_is_a_warning(stubbed, monkeypatch) -> None:
     monkeypatch.setattr(
-        "sysid.posterior.sampled_posterior.optimum_warnings", lambda draws, at, density, spread: (f"{density:+.1f}",)
+        "sysid.posterior.sampled_posterior.optimum_warnings", lambda draws, at, density: (f"{density:+.1f}",)
     )
     assert stubbed().sample().warnings[-1] == "-0.0"
 

@@ -45,7 +45,6 @@ from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, I
 from sysid.estimation.uncertainty.information import AdjustedInformation, adjusted_information
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.normal_equations import NormalEquations
-from sysid.estimation.uncertainty.spread import spread_between
 from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
 from sysid.estimation.weights.reweighting import residual_inflation
@@ -167,11 +166,10 @@ def _fit_point(
     """Everything that is stored of the end of the fit, at the unknowns `vector`; `covariance` (p, p) of parameters."""
     parameters, motion = problem.unpack(vector)
     # At the optimum the data pull as hard as the priors, the other way; with model error they pull less.
-    pull, prior = problem.model.parameters.prior_pull(parameters)
-    own = np.linalg.inv(adjusted.own_information + prior)
-    shift = covariance @ (adjusted.slope - pull) - own @ (adjusted.following.T @ pull - pull)
-    point = fit_point(problem.model, parameters, motion, problem.weights, own, spread_between(own, covariance, shift))
-    point = replace(point, following=adjusted.following)
+    pull, _ = problem.model.parameters.prior_pull(parameters)
+    point = fit_point(problem.model, parameters, motion, problem.weights, covariance)
+    mode = parameters + covariance @ (adjusted.slope - pull)
+    point = replace(point, mode=mode, integrated=adjusted.integrated)
     if not adjusted.response.amounts.size:
         return point
     return replace(point, amounts=adjusted.response.amounts, mass_response=adjusted.response)

@@ -19,8 +19,8 @@ from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
+from sysid.estimation.uncertainty.integrated_unknowns import IntegratedUnknowns
 from sysid.estimation.uncertainty.mass_response import MassResponse
-from sysid.estimation.uncertainty.spread import Spread
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.passes import MapTires
@@ -35,10 +35,8 @@ class FitPoint:
       describe the simulation;
     - `log_parameters` (p,) and `motion`: the optimum;
     - `weights`: of the residuals at the optimum;
-    - `covariance` (p, p) of the log parameters with masses, departures and clocks where they are, and the `spread` that
-      these, model error and undecided laws add to draws (:mod:`sysid.estimation.uncertainty.spread`), None for nothing;
-    - `following` (p, p): changes of parameters are taken times this under the fixed footprint maps, as maps that follow
-      the tires would act (:mod:`sysid.estimation.uncertainty.map_following`), None for fixed maps;
+    - `mode` (p,) and `covariance` (p, p): the normal approximation of the posterior of the log parameters, with
+      everything else integrated out; `integrated` says what that is, None for nothing;
     - `amounts` (q,): masses and departures at the optimum, and `mass_response`: how they depend on the parameters; both
       None for the vehicle as declared;
     - `parts` were added to the declared vehicle;
@@ -52,9 +50,9 @@ class FitPoint:
     log_parameters: Parameters
     motion: RunMotion
     weights: Weights
+    mode: Parameters
     covariance: ParametersByParameters
-    spread: Spread | None = None
-    following: ParametersByParameters | None = None
+    integrated: IntegratedUnknowns | None = None
     amounts: np.ndarray | None = None
     mass_response: MassResponse | None = None
     parts: UndeclaredParts = NO_PARTS
@@ -101,7 +99,6 @@ def fit_point(
     motion: RunMotion,
     weights: Weights,
     covariance: ParametersByParameters,
-    spread: Spread | None = None,
 ) -> FitPoint:
     """What is stored of a fit of `model`, with exact masses."""
     return FitPoint(
@@ -112,8 +109,8 @@ def fit_point(
         log_parameters=log_parameters,
         motion=motion,
         weights=weights,
+        mode=log_parameters,
         covariance=covariance,
-        spread=spread,
     )
 
 

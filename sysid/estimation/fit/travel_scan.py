@@ -23,6 +23,7 @@ from sysid.estimation.fit.stop_search import IDLE_SHRINKAGE
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.suspension_elements import TRAVEL_SD, TRAVELS
 from sysid.estimation.residuals.set_misfits import group_inputs, group_misfits
+from sysid.estimation.uncertainty.run_scores import own_columns, own_priors
 from sysid.progress import Progress
 
 #: Values of a travel that are tried side by side, and how far they go in its logarithm.
@@ -99,9 +100,9 @@ class _Costs:
                 problem.model,
                 problem.weights,
                 motion,
-                problem.expected,
                 position,
-                problem.linearise_one(optimum.vector, position),
+                own_columns(problem, position, problem.linearise_one(optimum.vector, position), None),
+                own_priors(problem, motion, position, None),
             )
             for position in range(len(problem.model.groups))
         ]
@@ -133,6 +134,6 @@ class _Costs:
     def _of(self, sets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Sums of squares (S,) of the residuals, and costs (S,), of sets (p, S)."""
         every = zip(self._inputs, self._model.shapes, strict=True)
-        misfits = np.sum([np.asarray(group_misfits(of, sets, shape=shape)) for of, shape in every], axis=0)
+        misfits = np.sum([group_misfits(of, sets, shape=shape)[0] for of, shape in every], axis=0)
         prior = ((self._rows @ sets - self._targets[:, None]) ** 2).sum(axis=0)
         return np.asarray(misfits), np.asarray(0.5 * (misfits + prior))

@@ -23,7 +23,7 @@ def clock_columns(problem: Problem, position: int, here: Linearisation, clocks: 
     """
     model, group = problem.model, problem.model.groups[position]
     shown = np.asarray(here.simulated)
-    time, runs = group.interval_s * np.arange(shown.shape[0]), list(group.runs)
+    time, runs = model.shapes[position].interval_s * np.arange(shown.shape[0]), list(group.runs)
     # Differences of samples would miss a tenth of the slope at 25 Hz.
     slope = CubicSpline(time, shown, axis=0)(time, 1)
     residual, gain = [], []

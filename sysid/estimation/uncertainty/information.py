@@ -22,6 +22,7 @@ from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.data_information import MASSES, SCALES, TIRES, DataInformation
 from sysid.estimation.uncertainty.departure_scale import departure_scale, least_sd
+from sysid.estimation.uncertainty.integrated_unknowns import IntegratedUnknowns, integrated_unknowns
 from sysid.estimation.uncertainty.joint_step import JointStep, bounded_step, joint_step
 from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_following
 from sysid.estimation.uncertainty.mass_response import MassResponse
@@ -187,9 +188,7 @@ class AdjustedInformation:
     """What the data say at a joint optimum of p parameters and q masses and departures.
 
     - `information` (p, p): of the parameters, with masses and departures integrated out and model error allowed for;
-    - `following` (p, p): changes of parameters times this act under fixed footprint maps as they do by themselves under
-      maps that follow the tires;
-    - `own_information` (p, p): of that likelihood alone, which holds masses, departures and clocks at this optimum;
+    - `integrated`: what the posterior density integrates out;
     - `inflation` (p,): of variances by model error, in the directions of the sandwich;
     - `slope` (p,): gradient of the log-likelihood with all that integrated out, at the optimum;
     - `data`: for computing what more data would add;
@@ -198,8 +197,7 @@ class AdjustedInformation:
     """
 
     information: ParametersByParameters
-    following: ParametersByParameters
-    own_information: ParametersByParameters
+    integrated: IntegratedUnknowns
     inflation: Parameters
     slope: Parameters
     data: DataInformation
@@ -253,15 +251,16 @@ def adjusted_information(
     )
     undecided = parts.rows if laws is None else np.concatenate([laws, parts.rows])
     known = DataInformation(matrix, flat, prior, sd, masses.sd.size, factor, undecided, _kinds(allowances))
-    # The likelihood leaves the clocks where they are.
-    as_clocked = data.matrix if data.clocks is None else information_with(campaign, problem, vector).matrix
     slope = follow.T @ of_blocks.matrix.T @ of_blocks.matrix.T @ pull / factor
     slope = known.slope(slope)
     response = MassResponse(parameters, followed, equations.only(further).covariance_factor, here)
-    own = follow.T @ as_clocked[:count, :count] @ follow
-    return AdjustedInformation(
-        known.precision(), follow, own, factor * of_blocks.inflation, slope, known, response, parts
-    )
+    # Model error acts on the parameters that are simulated, undecided laws and parts on those that are reported.
+    effects = np.concatenate([of_blocks.effects, follow @ undecided.T], axis=1)
+    grows = np.zeros(allowances.count)
+    grows[: masses.sd.size] = masses.scales
+    integrated = integrated_unknowns(matrix, prior, effects, sd, here, grows, factor, follow)
+    inflation = factor * of_blocks.inflation
+    return AdjustedInformation(known.precision(), integrated, inflation, slope, known, response, parts)
 
 
 def _parts(data: BlockInformation) -> np.ndarray:

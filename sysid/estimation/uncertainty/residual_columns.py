@@ -59,7 +59,7 @@ class TrialResiduals(NamedTuple):
 
 def empty_columns(model: BumpModel, count: int) -> tuple[ResidualColumns, ...]:
     """Zero columns of every group for `count` amplitudes; the samples of a channel lie next to each other."""
-    shapes = [group.value.shape for group in model.groups]
+    shapes = [arrays.value.shape for arrays in model.arrays]
     return tuple(
         ResidualColumns(np.moveaxis(np.zeros((*s[1:], count, s[0])), -1, 0), np.zeros((*s[1:], count))) for s in shapes
     )

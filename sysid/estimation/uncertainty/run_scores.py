@@ -10,11 +10,11 @@ import numpy as np
 from sysid.arrays import UnknownsOfFit
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.run_clocks import RunClocks
-from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS
+from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS, RunMotion
 from sysid.estimation.uncertainty.clock_columns import clock_columns
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns
 from sysid.estimation.uncertainty.sandwich import BlockScores, block_scores
-from sysid.vehicle_model.engines.protocol import Linearisation
+from sysid.vehicle_model.engines.protocol import Columns, Linearisation
 
 
 @dataclass(frozen=True)
@@ -71,16 +71,8 @@ def run_scores(
     """
     group, (_, motion) = problem.model.groups[position], problem.unpack(vector)
     here = Linearisation(*map(np.asarray, problem.linearise_one(vector, position)))
-    rows, by_motion = problem.expected.rows(motion, group.runs)
-    pull, prior = np.einsum("rjk,rj->rk", by_motion, rows), problem.expected.precision(motion, group.runs)
-    by_clocks = None
-    if clocks is not None:
-        by_clocks = clock_columns(problem, position, here, clocks)
-        pull = np.concatenate([pull, clocks.pull(group.runs)], axis=1)
-        whole = np.zeros((len(group.runs), *(RUN_UNKNOWNS + clocks.count,) * 2))
-        whole[:, :RUN_UNKNOWNS, :RUN_UNKNOWNS] = prior
-        whole[:, RUN_UNKNOWNS:, RUN_UNKNOWNS:] = np.eye(clocks.count)
-        prior = whole
+    by_clocks = None if clocks is None else clock_columns(problem, position, here, clocks)
+    pull, prior = own_priors(problem, motion, position, clocks)
     measured = np.asarray(group.measured.any(axis=0)) if with_parts else None
     scored = block_scores(here, prior, measured, columns, by_clocks)
     response = scored.own_response
@@ -88,6 +80,31 @@ def run_scores(
         -np.einsum("rkp,rk->rp", response, pull), np.einsum("rkp,rkl,rlq->rpq", response, prior, response)
     )
     return scored, of_priors, None if clocks is None else _of_clocks(scored, pull)
+
+
+def own_priors(
+    problem: Problem, motion: RunMotion, position: int, clocks: RunClocks | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Priors of the l own unknowns of R runs, motions then clocks: gradient (R, l) of half their squares, precision."""
+    runs = problem.model.groups[position].runs
+    rows, by_motion = problem.expected.rows(motion, runs)
+    pull, prior = np.einsum("rjk,rj->rk", by_motion, rows), problem.expected.precision(motion, runs)
+    if clocks is None:
+        return pull, prior
+    whole = np.zeros((len(runs), *(RUN_UNKNOWNS + clocks.count,) * 2))
+    whole[:, :RUN_UNKNOWNS, :RUN_UNKNOWNS] = prior
+    whole[:, RUN_UNKNOWNS:, RUN_UNKNOWNS:] = np.eye(clocks.count)
+    return np.concatenate([pull, clocks.pull(runs)], axis=1), whole
+
+
+def own_columns(problem: Problem, position: int, here: Linearisation, clocks: RunClocks | None) -> Columns:
+    """Columns (T, R, C, l) of the own unknowns of a group's runs, motions then clocks, beside its linearisation."""
+    # Copies, which do not keep the columns of the parameters.
+    residual, gain = (np.array(c[..., problem.count :]) for c in (here.residual_jacobian, here.gain_jacobian))
+    if clocks is not None:
+        of_clocks = clock_columns(problem, position, here, clocks)
+        residual, gain = np.concatenate([residual, of_clocks.residual], -1), np.concatenate([gain, of_clocks.gain], -1)
+    return Columns(residual, gain)
 
 
 def _of_clocks(scored: BlockScores, pull: np.ndarray) -> ClockScores:

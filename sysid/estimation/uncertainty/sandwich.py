@@ -32,13 +32,15 @@ class Adjustment:
     """Result of the sandwich for p global parameters.
 
     `matrix` C (p, p); `information` (p, p) adjusted data information C' H C; `inflation` (p,) eigenvalues of H^-1 G of
-    the blocks, at least 1; `blocks` number of blocks.
+    the blocks, at least 1; `blocks` number of blocks; `effects` E (p, k): parameters that are off by E e, e ~ N(0, I),
+    have the same information, (H^-1 + E E')^-1.
     """
 
     matrix: ParametersByParameters
     information: np.ndarray
     inflation: Parameters
     blocks: int
+    effects: np.ndarray
 
 
 class BlockScores(NamedTuple):
@@ -167,4 +169,6 @@ def adjust(
         inflation = np.maximum(values, 1e-12)
     root = vectors @ np.diag(inflation**-0.5) @ vectors.T
     matrix = np.linalg.solve(factor.T, root @ factor.T) * (scale[None, :] / scale[:, None])
-    return Adjustment(matrix, matrix.T @ information @ matrix, inflation, len(order))
+    wider = inflation > 1.0
+    effects = np.linalg.solve(factor.T, vectors[:, wider] * np.sqrt(inflation[wider] - 1.0)) / scale[:, None]
+    return Adjustment(matrix, matrix.T @ information @ matrix, inflation, len(order), effects)

@@ -13,9 +13,9 @@ from jax.tree_util import Partial
 from sysid.vehicle_model.contact import CELL_POLYNOMIAL, EffectiveRoad, TireLaw
 from sysid.vehicle_model.device_arrays import ChannelHistories, HostOrDevice, RunsBySets, numpy_of
 from sysid.vehicle_model.engines.protocol import (
+    Columns,
     LawFunction,
     Linearisation,
-    LocalColumns,
     Timing,
     Unknowns,
     WheelRoad,
@@ -108,11 +108,12 @@ class NativeEngine:
         layout: SensorLayout,
         recursion: FilterRecursion | None,
         readings: Readings,
-        local: LocalColumns,
-    ) -> RunsBySets:
-        """r'r - b' N^-1 b, (R, S); the signals of a run never leave the processor's cache."""
-        call = misfit_call(matrices, (suspension, tire), road, timing, layout, recursion, readings, local)
-        return kernel.run(call)[0]
+        columns: Columns,
+    ) -> tuple[RunsBySets, HostOrDevice]:
+        """r'r and A'r; the signals of a run never leave the processor's cache."""
+        call = misfit_call(matrices, (suspension, tire), road, timing, layout, recursion, readings, columns)
+        squares, products = kernel.run(call)
+        return squares, products
 
 
 NATIVE = NativeEngine()
@@ -126,10 +127,10 @@ def misfit_call(
     layout: SensorLayout,
     recursion: FilterRecursion | None,
     readings: Readings,
-    local: LocalColumns,
+    columns: Columns,
 ) -> Call:
     """The call that computes misfits, also for the benchmark without Python."""
-    more = {**readings._asdict(), **{f"local_{name}": array for name, array in local._asdict().items()}}
+    more = {**readings._asdict(), **{f"columns_{name}": array for name, array in columns._asdict().items()}}
     return _call("misfits", matrices, laws, road, timing, layout, recursion, more)
 
 
@@ -161,6 +162,7 @@ def _call(
         "L": rows,
         "J": sum(ramps),
         "poles": arrays["filter"].shape[0],
+        "K": 0 if more is None or "columns_gain" not in more else more["columns_gain"].shape[-1],
         "P": 0 if more is None or "law_tangents" not in more else more["law_tangents"].shape[-1],
     }
     settings = {

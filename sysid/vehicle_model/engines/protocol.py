@@ -59,17 +59,11 @@ class Linearisation(NamedTuple):
     simulated: HostOrDevice
 
 
-class LocalColumns(NamedTuple):
-    """Arrays that marginalise the three unknowns of the motion of every run.
-
-    `residual` (T, R, C, 3) and `gain` (R, C, 3) the columns J of their residuals, `offset` (R, 3) what their priors add
-    to b = J'r, `factor` (R, 3, 3) the inverse Cholesky factor of their normal matrix.
-    """
+class Columns(NamedTuple):
+    """K columns A beside the residuals of R runs: `residual` (T, R, C, K) and `gain` (R, C, K)."""
 
     residual: HostOrDevice
     gain: HostOrDevice
-    offset: HostOrDevice
-    factor: HostOrDevice
 
 
 @partial(jax.tree_util.register_dataclass, data_fields=["prepared", "motion"], meta_fields=["engine"])
@@ -142,6 +136,6 @@ class Engine(Protocol):
         layout: SensorLayout,
         recursion: FilterRecursion | None,
         readings: Readings,
-        local: LocalColumns,
-    ) -> RunsBySets:
-        """r'r - b' N^-1 b of every run and set (R, S): squares with the runs' own unknowns marginalised."""
+        columns: Columns,
+    ) -> tuple[RunsBySets, HostOrDevice]:
+        """Squares r'r of the residuals of every run and set (R, S), and their products A'r with columns (R, K, S)."""

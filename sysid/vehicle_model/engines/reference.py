@@ -19,9 +19,9 @@ from sysid.vehicle_model.device_arrays import (
     RunsBySets,
 )
 from sysid.vehicle_model.engines.protocol import (
+    Columns,
     LawFunction,
     Linearisation,
-    LocalColumns,
     Timing,
     Unknowns,
     WheelRoad,
@@ -108,12 +108,13 @@ class ReferenceEngine:
         layout: SensorLayout,
         recursion: FilterRecursion | None,
         readings: Readings,
-        local: LocalColumns,
-    ) -> RunsBySets:
-        """r'r - b' N^-1 b, (R, S)."""
-        return _misfits(
-            matrices, suspension, tire, road, readings, local, timing=timing, layout=layout, recursion=recursion
+        columns: Columns,
+    ) -> tuple[RunsBySets, HostOrDevice]:
+        """r'r and A'r."""
+        found: tuple[RunsBySets, HostOrDevice] = _misfits(
+            matrices, suspension, tire, road, readings, columns, timing=timing, layout=layout, recursion=recursion
         )
+        return found
 
 
 @partial(jax.jit, static_argnames=("timing",))
@@ -167,24 +168,19 @@ def _misfits(
     tire: TireLaw,
     road: WheelRoad,
     readings: Readings,
-    local: LocalColumns,
+    columns: Columns,
     *,
     timing: Timing,
     layout: SensorLayout,
     recursion: FilterRecursion | None,
-) -> RunsBySets:
+) -> tuple[RunsBySets, HostOrDevice]:
     simulated = _sensors(
         matrices, suspension, tire, road.motion, road, timing=timing, layout=layout, recursion=recursion
     )
     residual, gain = standardised_residuals(readings, simulated)
-    squares = (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1)
-    projections = []
-    for k in range(local.offset.shape[-1]):
-        along = (residual * local.residual[..., k, None]).sum(axis=(0, 2))
-        along = along + (gain * local.gain[..., k, None]).sum(axis=1)
-        projections.append(along + local.offset[:, k, None])
-    whitened = jnp.matmul(local.factor, jnp.stack(projections, axis=1))
-    return squares - (whitened**2).sum(axis=1)
+    products = jnp.einsum("trcs,trck->rks", residual, columns.residual)
+    products = products + jnp.einsum("rcs,rck->rks", gain, columns.gain)
+    return (residual**2).sum(axis=(0, 2)) + (gain**2).sum(axis=1), products
 
 
 @partial(jax.jit, static_argnames=("timing", "layout", "recursion"))

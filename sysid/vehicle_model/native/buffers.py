@@ -4,8 +4,8 @@ The C++ side is compiled with a header made from this description (:mod:`sysid.v
 side checks every call against it.
 
 Symbols of shapes: R runs, S parameter sets, T samples, C channels, na axles, nb body coordinates, nr body sensors, nv
-sensors of pitch rate, n stations of the road, nf bending frames, L rows of the laws, J ramps, P unknowns, `poles` of
-the filter. All arrays hold 64-bit floats.
+sensors of pitch rate, n stations of the road, nf bending frames, L rows of the laws, J ramps, P unknowns, K columns,
+`poles` of the filter. All arrays hold 64-bit floats.
 """
 
 from __future__ import annotations
@@ -39,7 +39,6 @@ CONSTANTS: dict[str, int | float] = {
     "kDragRows": DRAG_ROWS,
     "kCellPowers": CELL_POWERS,
     "kPoleNumbers": POLE_NUMBERS,
-    "kMotionNumbers": MOTION_NUMBERS,
     "kReferenceRate": REFERENCE_RATE_M_S,
     "kShortest": SHORTEST,
     "kLongest": LONGEST,
@@ -123,11 +122,9 @@ BLOCKS: dict[str, tuple[Buffer, ...]] = {
         Buffer("tempering", ("R", "C"), "of Readings"),
         Buffer("gain_sd", ("C",), "of Readings"),
     ),
-    "local": (
-        Buffer("local_residual", ("T", "R", "C", MOTION_NUMBERS), "of LocalColumns"),
-        Buffer("local_gain", ("R", "C", MOTION_NUMBERS), "of LocalColumns"),
-        Buffer("local_offset", ("R", MOTION_NUMBERS), "of LocalColumns"),
-        Buffer("local_factor", ("R", MOTION_NUMBERS, MOTION_NUMBERS), "of LocalColumns"),
+    "columns": (
+        Buffer("columns_residual", ("T", "R", "C", "K"), "of Columns"),
+        Buffer("columns_gain", ("R", "C", "K"), "of Columns"),
     ),
 }
 
@@ -163,7 +160,10 @@ ENTRIES: dict[str, Entry] = {
             )
         ),
     ),
-    "misfits": Entry(("common", "readings", "local"), (Buffer("misfit", ("R", "S"), "r'r - b' N^-1 b"),)),
+    "misfits": Entry(
+        ("common", "readings", "columns"),
+        (Buffer("squares", ("R", "S"), "r'r"), Buffer("products", ("R", "K", "S"), "A'r")),
+    ),
     "linearise": Entry(
         ("common", "tangents", "readings"),
         (

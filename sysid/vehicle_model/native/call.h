@@ -241,12 +241,11 @@ class Inputs {
             clock.samples};
   }
 
-  LocalColumns local_columns(int64_t r, int first) const {
-    constexpr int64_t n = kMotionNumbers;
-    const int64_t c = channels.count(), own = r * c * n;
-    const double* along = data(first + kLocalResidual) + own;
-    return {by_channel(along, clock.samples, runs * c * n, c, n), numbers(first + kLocalGain, own, c * n),
-            numbers(first + kLocalOffset, r * n, n), numbers(first + kLocalFactor, r * n * n, n * n)};
+  Columns columns(int64_t r, int first) const {
+    const int64_t n = shape(first + kColumnsResidual)[3], c = channels.count(), own = r * c * n;
+    const double* along = data(first + kColumnsResidual) + own;
+    return {by_channel(along, clock.samples, runs * c * n, c, n), numbers(first + kColumnsGain, own, c * n),
+            static_cast<int>(n)};
   }
 
   int64_t runs, axles, sets, coordinates, body_sensors, stations, frames;
@@ -353,12 +352,12 @@ void store(const Pack& x, double* out, int64_t rows, int64_t row, const Lanes& l
 // Readings and columns of all runs.
 struct Measured {
   std::vector<Readings> readings;
-  std::vector<LocalColumns> columns;
+  std::vector<Columns> columns;
 
   Measured(const Inputs& in, int first_reading, int first_column) : readings(in.runs), columns(in.runs) {
     share(in.runs, [&](int64_t r) {
       readings[r] = in.readings(r, first_reading);
-      columns[r] = in.local_columns(r, first_column);
+      columns[r] = in.columns(r, first_column);
     });
   }
 };

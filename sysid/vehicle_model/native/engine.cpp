@@ -69,11 +69,11 @@ Problem histories(const Inputs& in, double* const* out) {
   return finish(known);
 }
 
-// Misfit (R, S) of every run and set; the signals of a task never leave the cache.
+// Squares (R, S) of every run and set, and products with columns (R, K, S); the signals of a task never leave the cache.
 Problem misfits(const Inputs& in, double* const* out) {
   const int64_t channels = in.channels.count();
   const std::vector<Lanes> packs = in.packs_of_sets();
-  const Measured measured(in, kMisfitsReadings, kMisfitsLocal);
+  const Measured measured(in, kMisfitsReadings, kMisfitsColumns);
   std::atomic<bool> known{true};
   share(packs.size(), [&](int64_t task) {
     const Lanes& lanes = packs[task];
@@ -82,8 +82,13 @@ Problem misfits(const Inputs& in, double* const* out) {
     known = simulate(in, in.run(r), in.laws(lanes), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
       for (int64_t c = 0; c < channels; ++c) signal[c * in.clock.samples + t] = shown[c];
     });
-    const Pack found = misfit(measured.readings[r], measured.columns[r], signal.get(), static_cast<int>(channels));
-    store(found, out[kMisfitsMisfit], 1, 0, lanes, in.sets);
+    const Columns& columns = measured.columns[r];
+    std::vector<Pack> products(columns.count);
+    const Pack squares =
+        misfit(measured.readings[r], columns, signal.get(), static_cast<int>(channels), products.data());
+    store(squares, out[kMisfitsSquares], 1, 0, lanes, in.sets);
+    for (int k = 0; k < columns.count; ++k)
+      store(products[k], out[kMisfitsProducts], columns.count, k, lanes, in.sets);
   });
   return finish(known);
 }

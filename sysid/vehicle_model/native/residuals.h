@@ -2,6 +2,7 @@
 
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "integration.h"
@@ -83,35 +84,46 @@ inline V residual(const Readings& data, const SensorFit<V>& fit, const V& y, int
   return fit.scale * counted;
 }
 
-// Columns along which a run's own n unknowns, those of its motion, move its residuals, and the whitening factor of their
-// normal matrix.
-struct LocalColumns {
-  std::vector<double> along, gain, offset, factor;  // (n, C, T), (C, n), (n,), (n, n)
+// Columns of one run, (n, C, T) and (C, n).
+struct Columns {
+  std::vector<double> along, gain;
+  int count;
 };
 
-// r'r - b' N^-1 b with b = J' r + prior: the squares of a run with its own unknowns marginalised; signals (C, T).
-inline Pack misfit(const Readings& data, const LocalColumns& local, const Pack* signals, int channels) {
-  constexpr int n = kMotionNumbers;
-  Pack squares{}, b[n];
-  for (int k = 0; k < n; ++k) b[k] = splat(local.offset[k]);
+// r'r and the products A'r of the residuals of a run with n columns, (n,); signals (C, T) are overwritten.
+inline Pack misfit(const Readings& data, const Columns& columns, Pack* signals, int channels, Pack* products) {
+  constexpr int kTogether = 4;
+  const int n = columns.count;
+  Pack squares{};
+  std::fill(products, products + n, Pack{});
   for (int c = 0; c < channels; ++c) {
-    const Pack* signal = signals + c * data.samples;
-    const SensorFit<Pack> fit = fit_sensor(data, signal, c);
+    Pack* shown = signals + c * data.samples;
+    const SensorFit<Pack> fit = fit_sensor(data, shown, c);
     const Pack g = fit.gain_residual;
     squares += g * g;
-    for (int k = 0; k < n; ++k) b[k] += local.gain[n * c + k] * g;
-    const double* column[n];
-    for (int k = 0; k < n; ++k) column[k] = &local.along[(k * channels + c) * data.samples];
+    for (int k = 0; k < n; ++k) products[k] += columns.gain[n * c + k] * g;
     for (int64_t t = 0; t < data.samples; ++t) {
-      const Pack r = residual(data, fit, signal[t], t, c);
+      const Pack r = residual(data, fit, shown[t], t, c);
+      shown[t] = r;
       squares += r * r;
-      for (int k = 0; k < n; ++k) b[k] += column[k][t] * r;
     }
-  }
-  for (int k = 0; k < n; ++k) {
-    Pack whitened{};
-    for (int l = 0; l < n; ++l) whitened += local.factor[n * k + l] * b[l];
-    squares -= whitened * whitened;
+    const auto column = [&](int k) { return &columns.along[(k * channels + c) * data.samples]; };
+    int k = 0;
+    // The residuals of a channel stay in the nearest cache, the columns do not: some columns at a time.
+    for (; k + kTogether <= n; k += kTogether) {
+      const double* of[kTogether];
+      Pack sums[kTogether] = {};
+      for (int j = 0; j < kTogether; ++j) of[j] = column(k + j);
+      for (int64_t t = 0; t < data.samples; ++t)
+        for (int j = 0; j < kTogether; ++j) sums[j] += of[j][t] * shown[t];
+      for (int j = 0; j < kTogether; ++j) products[k + j] += sums[j];
+    }
+    for (; k < n; ++k) {
+      const double* of = column(k);
+      Pack sum{};
+      for (int64_t t = 0; t < data.samples; ++t) sum += of[t] * shown[t];
+      products[k] += sum;
+    }
   }
   return squares;
 }

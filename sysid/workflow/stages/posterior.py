@@ -37,22 +37,23 @@ def _sample(context: Context) -> Posterior:
     from sysid.posterior.sampling import sample_posterior
 
     fit, state = context[FIT].fit, fit_state(context)
-    density, optimum = LogDensity(state).with_larger_steps(), state.point.log_parameters
+    density, point = LogDensity(state).with_larger_steps(), state.point
     posterior = sample_posterior(
         density,
         fit.names,
-        optimum,
-        state.point.covariance,
+        point.mode,
+        point.covariance,
         LIKELIHOOD,
         context.settings.sampling,
-        spread=state.point.spread,
         folder=context.folder / CHAIN,
         fingerprint=_chain_inputs(context),
         resume=context.resume,
         progress=context.progress,
         notice=context.notice,
     )
-    of_optimum = optimum_warnings(posterior, np.exp(optimum), float(density(optimum[None])[0]), state.point.spread)
+    of_optimum = optimum_warnings(
+        posterior, np.exp(point.log_parameters), float(density(point.log_parameters[None])[0])
+    )
     return replace(posterior, warnings=(*posterior.warnings, *of_optimum))
 
 
@@ -72,8 +73,8 @@ def _sampled_so_far(context: Context) -> Posterior | None:
 
     kept, options = context[FIT], context.settings.sampling
     point = kept.point
-    identity = chain_identity(options, point.log_parameters, point.covariance, _chain_inputs(context))
-    return posterior_so_far(context.folder / CHAIN, identity, kept.fit.names, LIKELIHOOD, options, point.spread)
+    identity = chain_identity(options, point.mode, point.covariance, _chain_inputs(context))
+    return posterior_so_far(context.folder / CHAIN, identity, kept.fit.names, LIKELIHOOD, options)
 
 
 def _without_chain(output: Path) -> None:
