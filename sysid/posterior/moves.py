@@ -29,12 +29,16 @@ class LaplaceMove(emcee.moves.MHMove):  # type: ignore[misc]  # emcee has no typ
         self._nu = float(degrees_of_freedom)
         super().__init__(self._propose, ndim=self._centre.size)
 
-    def _propose(self, coordinates: np.ndarray, random: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
-        count, dimension = coordinates.shape
-        normal = random.standard_normal((count, dimension))
+    def draws(self, count: int, random: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
+        """Points (n, p) of the t, and the logarithm of its density there (n,), up to a constant."""
+        normal = random.standard_normal((count, self._centre.size))
         chi2 = random.chisquare(self._nu, size=count)
-        proposal = self._centre + (normal / np.sqrt(chi2 / self._nu)[:, None]) @ self._factor.T
-        return proposal, self._log_t(coordinates) - self._log_t(proposal)
+        points = self._centre + (normal / np.sqrt(chi2 / self._nu)[:, None]) @ self._factor.T
+        return points, self._log_t(points)
+
+    def _propose(self, coordinates: np.ndarray, random: np.random.RandomState) -> tuple[np.ndarray, np.ndarray]:
+        proposal, log_t = self.draws(len(coordinates), random)
+        return proposal, self._log_t(coordinates) - log_t
 
     def _log_t(self, points: np.ndarray) -> np.ndarray:
         """Logarithm of the t density at points (n, p), up to a constant."""

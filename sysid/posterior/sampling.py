@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import emcee
@@ -16,6 +16,7 @@ from sysid.posterior.checkpoint import Checkpoint, Resumed, read_chain
 from sysid.posterior.diagnostics import Diagnosis, diagnose, standstills, summarise
 from sysid.posterior.ensembles import Density, Ensemble, advance, first, restored
 from sysid.posterior.history import History
+from sysid.posterior.importance import ImportanceSample, importance_sample
 from sysid.posterior.moves import fitted_to_walkers, posterior_moves
 from sysid.posterior.options import SamplingOptions
 from sysid.posterior.sampled_posterior import Posterior
@@ -70,6 +71,10 @@ def sample_posterior(
     """
     options = options or SamplingOptions()
     report = progress or unwatched
+    report("importance sampling", 0.0)
+    importance = importance_sample(density, centre, covariance, options.seed)
+    if options.preview and importance.is_reliable:
+        return _without_chain(names, importance, likelihood, options)
     identity = chain_identity(options, centre, covariance, fingerprint or {})
     with nullcontext() if folder is None else Checkpoint(folder, identity) as checkpoint:
         resumed = Resumed([], None, "") if checkpoint is None else checkpoint.open(resume=resume)
@@ -97,7 +102,33 @@ def sample_posterior(
         if diagnosis is None or judged_at < history.steps:
             # The limit lies where convergence is not judged.
             diagnosis = _judged(history, options)
-    return _posterior(names, history, diagnosis, likelihood, options)
+    sampled = _posterior(names, history, diagnosis, likelihood, options)
+    return replace(sampled, message=f"{sampled.message} {importance.sentence}")
+
+
+def _without_chain(
+    names: tuple[str, ...], importance: ImportanceSample, likelihood: str, options: SamplingOptions
+) -> Posterior:
+    """A preview from importance sampling alone, its draws in as many groups as there would be ensembles."""
+    logs, log_probability = importance.resampled(options.ensembles, np.random.default_rng(options.seed))
+    count, effective = len(names), importance.effective
+    diagnosis = Diagnosis(0, np.ones(count), np.full(count, effective), diagnose(logs).rhat)
+    draws = np.exp(logs)
+    return Posterior(
+        names=names,
+        draws=draws,
+        log_probability=log_probability,
+        burn_in=0,
+        thin=1,
+        autocorrelation_time=diagnosis.autocorrelation_time,
+        acceptance=np.full(options.ensembles, effective / len(importance.draws)),
+        summaries=summarise(names, draws.reshape(-1, count), diagnosis),
+        converged=False,
+        preview=True,
+        likelihood=likelihood,
+        message=f"Preview without a chain, not for use. {importance.sentence}",
+        seed=options.seed,
+    )
 
 
 def posterior_so_far(

@@ -57,6 +57,7 @@ def stubbed(tmp_path: Path, monkeypatch) -> Callable[..., Calibration]:
             log_parameters=np.zeros(count),
             motion=RunMotion.steady(np.ones(2), np.zeros(2)),
             weights=Weights((), ()),
+            mode=np.zeros(count),
             covariance=np.eye(count),
         )
     )

@@ -46,7 +46,17 @@ def small_kept_fit() -> KeptFit:
     weights = Weights((np.ones((2, 3)),), (np.ones((2, 3)),), None)
     motion = RunMotion.steady(np.ones(2), np.zeros(2))
     parameters = ParameterSet((Parameter("k_1", "stiffness", "N/m", 1.0, 1.0, 0.1),), (PriorLink("a", "b", 0.0, 0.1),))
-    point = FitPoint(parameters, "cams", MapTires((1.0, 2.0)), 0.001, np.zeros(count), motion, weights, np.eye(count))
+    point = FitPoint(
+        parameters,
+        "cams",
+        MapTires((1.0, 2.0)),
+        0.001,
+        np.zeros(count),
+        motion,
+        weights,
+        np.zeros(count),
+        np.eye(count),
+    )
     return KeptFit(small_fit(), point)
 
 
