@@ -152,15 +152,15 @@ def drive(
 
 
 def campaign(
-    truck: Truth, drives: Sequence[tuple[float, Motion]], rng: np.random.Generator, clean: bool = False
+    truck: Truth, drives: Sequence[tuple[float, Motion]], rng: np.random.Generator, noise: float = 1.0, exact: bool = False
 ) -> Campaign:
     """What a test engineer knows of a truck that is driven at speeds [m/s].
 
-    `clean`: sensors without noise and gains, everything declared exactly.
+    `noise` is the sensors' over the usual one; `exact`: no gains, and everything declared exactly.
     """
 
     def off(sd: float, size: int | None = None) -> np.ndarray:
-        return np.exp((0.0 if clean else sd) * rng.normal(size=size))
+        return np.exp((0.0 if exact else sd) * rng.normal(size=size))
 
     n = truck.x.size
     centre = float((truck.load_kg - truck.unsprung) @ truck.x / (truck.load_kg - truck.unsprung).sum())
@@ -177,7 +177,7 @@ def campaign(
         (float(truck.inertia * off(0.05)),), (float(truck.height * off(0.03)),),
     )  # fmt: skip
     gains = {kind: off(sd, n) for kind, sd in (("q", 0.005), ("axle", 0.01), ("frame", 0.01))}
-    noise = {"q": 3e-4, "axle": 0.2, "frame": 0.15}
+    sd = {"q": 3e-4, "axle": 0.2, "frame": 0.15}
     low_pass = signal.butter(4, 60.0, fs=1.0 / STEP_S)
     runs = []
     for number, (speed, motion) in enumerate(drives):
@@ -185,7 +185,7 @@ def campaign(
         channels = []
         for kind, values in (("q", motion.deflection), ("axle", motion.axle), ("frame", frame)):
             shown = signal.lfilter(*low_pass, values, axis=0)[int(SETTLING_S / STEP_S) :: int(SAMPLE_S / STEP_S)]
-            shown = shown * gains[kind] + (0.0 if clean else noise[kind]) * rng.normal(size=shown.shape)
+            shown = shown * gains[kind] + noise * sd[kind] * rng.normal(size=shown.shape)
             for i in range(n):
                 sensor = {
                     "q": Sensor(f"q{i}", "suspension_deflection", "m", axle=i),
@@ -194,7 +194,7 @@ def campaign(
                 }[kind]
                 time = SAMPLE_S * np.arange(shown.shape[0])
                 channels.append(Channel(sensor, time, shown[:, i], np.zeros(time.size, np.int8)))
-        told = speed * (1.0 if clean else rng.uniform(0.985, 1.015))
+        told = speed * (1.0 if exact else rng.uniform(0.985, 1.015))
         runs.append(
             BumpRun(f"drive {number + 1}", "only", told, 1, Log(f"drive{number + 1}.csv", SAMPLE_S, tuple(channels)))
         )

@@ -54,7 +54,7 @@ _BAND_BINS, _BAND_WIDTH = 14, 0.35
 PUSH_SD = 0.2
 #: No law is exact, and channels are not quite simultaneous: each suspension's force is off by a share of this standard
 #: deviation, in phase and out of phase, in each of these bands (an assumption).
-DEPARTURE_SD, _DEPARTURE_HZ = 0.005, (0.0, 2.0, 5.0, 1e3)
+DEPARTURE_SD, _DEPARTURE_HZ = 0.01, (0.0, 2.0, 5.0, 1e3)
 DEPARTURES = 2 * (len(_DEPARTURE_HZ) - 1)
 _STEPS = {SATURATION: 1e-2, SOFTNESS: 1e-8, SLIP: 1e-2}
 
@@ -181,12 +181,23 @@ def shape_bases(block: Block, shapes: Shapes) -> None:
 
 @dataclass(frozen=True)
 class AxleForce:
-    """Force (F,) of one suspension, its derivatives by unknowns (place, (F,)), and k and c of its linear part."""
+    """Force (F,) of one suspension, derivatives by unknowns (place, (F,)), and with each the dynamic stiffness (F,).
 
-    force: np.ndarray
-    derivatives: list[tuple[int, np.ndarray]]
-    stiffness: float
-    damping: float
+    That is alpha + i omega beta of the spring and damper that do most of the same (statistical linearisation; by
+    Bussgang's theorem it is also how noise of the deflection passes through the law).
+    """
+
+    force: tuple[np.ndarray, np.ndarray]
+    derivatives: list[tuple[int, np.ndarray, np.ndarray]]
+
+
+def _dynamic(force: np.ndarray, deflection: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """alpha + i omega beta (F,), by least squares, of a force from a deflection, spectra (F,)."""
+    size = np.abs(deflection) ** 2
+    work = np.conj(deflection) * force
+    alpha = np.sum(work.real) / np.sum(size)
+    beta = np.sum(omega * work.imag) / np.sum(omega**2 * size)
+    return np.asarray(alpha + 1j * omega * beta)
 
 
 def axle_force(block: Block, axle: int, unknowns: Sequence[Unknown], values: np.ndarray) -> AxleForce:
@@ -221,7 +232,9 @@ def axle_force(block: Block, axle: int, unknowns: Sequence[Unknown], values: np.
         SLIP: value(FRICTION) * b[SLIP],
         STOP: b[STOP],
     }
-    return AxleForce(force, [(j, by[quantity]) for quantity, j in place.items()], k, c)
+    q, omega = b[STIFFNESS], block.omega
+    derivatives = [(j, by[quantity], _dynamic(by[quantity], q, omega)) for quantity, j in place.items()]
+    return AxleForce((force, _dynamic(force, q, omega)), derivatives)
 
 
 def horizontal_forces(block: Block, forces: np.ndarray) -> np.ndarray:
@@ -302,7 +315,7 @@ class Balanced:
     - `whole` (F, nu, nx): e by displacements, those of bodies first;
     - `of_readings` (F, nu, sensors): e by readings;
     - `noise` (F, nu, nu): covariance of e by noise of the sensors;
-    - `dynamic` (place, axle, (F,)): derivatives of the dynamic stiffness of axles by k and c.
+    - `dynamic` (place, axle, (F,)): derivatives of the dynamic stiffness of axles.
     """
 
     left: np.ndarray
@@ -336,14 +349,10 @@ def balanced(
     dynamic = []
     for i in range(na):
         force = axle_force(block, i, unknowns, values)
-        forces[i] = force.force
-        dynamic_stiffness[:, i] = force.stiffness + 1j * omega * force.damping
-        for j, derivative in force.derivatives:
+        forces[i], dynamic_stiffness[:, i] = force.force
+        for j, derivative, stiffness in force.derivatives:
             by[j] += np.outer(attachment[i], derivative)
-            if unknowns[j].quantity == STIFFNESS:
-                dynamic.append((j, i, np.full(omega.size, force.stiffness, complex)))
-            elif unknowns[j].quantity == DAMPING:
-                dynamic.append((j, i, 1j * omega * force.damping))
+            dynamic.append((j, i, stiffness))
     for j, change in enumerate(block.changes):
         if change is not None:
             by[count + j] = change.mass @ acceleration + change.tilt @ displacement + change.attachment.T @ forces

@@ -160,7 +160,7 @@ def _information(
 def _of_matrices(
     block: Block, found: Balanced, cover: np.ndarray, root: np.ndarray, left: np.ndarray, size: int, count: int
 ) -> np.ndarray:
-    """Score (size,) beside that of e: by k, c and masses through A, and by gains through what readings share with e.
+    """Score (size,) beside that of e: by laws and masses through A, and by gains through what readings share with e.
 
     d(-log L) = 2 Re tr[(C A^H (S^-1 - r r^H) - [A_u^-1; 0]) dA],    r = S^-1 e,
     and for a gain, whose column of e is T_s y_s, less its mean 2 Re T_s^H S^-1 (R A_u^-H K_s^H + T_s sigma_s^2).

@@ -28,7 +28,7 @@ _SYMBOLS = {STIFFNESS: "k", DAMPING: "c"}
 
 @one_blas_thread()
 def balance_forces(campaign: Campaign) -> ForceBalance:
-    """k, c and laws of all suspensions from the logs of bump runs, whatever the wheels rolled over.
+    """k, c and laws of all suspensions from logs of bump runs and road drives, whatever wheels rolled over.
 
     For every body, mass times acceleration and inertia times angular acceleration are the sum of the forces of its
     suspensions, functions of measured deflections and their rates: :mod:`sysid.balance.equations`, solved by
@@ -52,6 +52,10 @@ def balance_forces(campaign: Campaign) -> ForceBalance:
     records = [
         (run.log, Passage(run.log.file, run.load_case, run.expected_speed_m_s, HOLD_S[run.speed_held]))
         for run in campaign.bump_runs
+    ]
+    records += [
+        (drive.log, Passage(drive.log.file, drive.load_case, drive.speed_m_s, HOLD_S[drive.speed_held]))
+        for drive in campaign.road_drives
     ]
     every = {p.load_case: assemble(vehicle, campaign.load_cases[p.load_case]) for _, p in records}
     pairs = [(p, s) for log, p in records for s in _told(log, p, every)]

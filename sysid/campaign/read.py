@@ -28,6 +28,7 @@ from sysid.campaign.records import (
     PlankDrop,
     PredictionRequest,
     RoadCourse,
+    RoadDrive,
     Scan,
     Sensor,
 )
@@ -86,6 +87,7 @@ def read_campaign(
     reader = _TestReader(file, tables, vehicle, files)
     scans = read_bumps(tables.scan, files, point_cloud_reader, profile_reader)
     drops, (runs, clocks) = reader.plank_drops(), reader.bump_runs(scans)
+    drives = reader.road_drives()
     acquisition = tables.acquisition
     low_pass = acquisition.filter
     return Campaign(
@@ -114,6 +116,7 @@ def read_campaign(
             tables.campaign.vehicle_id,
             tables.campaign.synthetic,
         ),
+        road_drives=drives,
     )
 
 
@@ -237,7 +240,31 @@ class _TestReader:
             return tuple(runs), ()
         return on_common_clock(runs, others, logs.loggers, self.vehicle.vehicle)
 
-    def _speed(self, entry: s.BumpRunTable, key: str, log: Log) -> float:
+    def road_drives(self) -> tuple[RoadDrive, ...]:
+        """Road drives with their logs, in the order of the file.
+
+        Raises
+        ------
+        CampaignError
+            If sensors, a load case or a file that a drive names are missing, or nothing says how fast it was.
+        DataRejectedError
+            If a log cannot be read.
+        """
+        drives = []
+        sensors = self._run_sensors() if self.tables.tests.road_drive else []
+        for i, entry in enumerate(self.tables.tests.road_drive):
+            key = f"tests.road_drive[{i + 1}]"
+            if not sensors:
+                raise CampaignError(
+                    f"{self.file.name}: {key} needs [sensors.bump_run], which is missing; name the columns of its log "
+                    "there."
+                )
+            log = self.files.log(entry.file, f"{key}.file", sensors, log_writing(self.tables.acquisition, entry))
+            load_case = self._load_case(entry.load_case, key)
+            drives.append(RoadDrive(load_case, self._speed(entry, key, log), log, entry.speed_held))
+        return tuple(drives)
+
+    def _speed(self, entry: s.BumpRunTable | s.RoadDriveTable, key: str, log: Log) -> float:
         if entry.nominal_speed_km_h is not None:
             return speed_m_s(entry.nominal_speed_km_h)
         logged = speed_at_bump(log)

@@ -201,6 +201,16 @@ class BumpRun:
 
 
 @dataclass(frozen=True)
+class RoadDrive:
+    """One drive over an ordinary road of unknown profile at about `speed_m_s` [m/s], held as `speed_held` says."""
+
+    load_case: str
+    speed_m_s: float
+    log: Log
+    speed_held: SpeedHeld = "servo"
+
+
+@dataclass(frozen=True)
 class Scan:
     """Laser point cloud of one bump, or heights along the road that were measured by other means.
 
@@ -329,9 +339,10 @@ class Campaign:
     priors: Mapping[str, NamedPrior] = field(default_factory=dict)
     clocks: tuple[ClockFinding, ...] = ()
     details: CampaignDetails = CampaignDetails()
+    road_drives: tuple[RoadDrive, ...] = ()
 
     @property
     def load_cases_in_use(self) -> tuple[str, ...]:
-        """Names of the load cases in which a bump run was driven or is to be predicted, in the order of the file."""
-        wanted = {run.load_case for run in self.bump_runs} | {request.load_case for request in self.predictions}
+        """Names of the load cases that were driven or are to be predicted, in the order of the file."""
+        wanted = {test.load_case for test in (*self.bump_runs, *self.road_drives, *self.predictions)}
         return tuple(name for name in self.load_cases if name in wanted)

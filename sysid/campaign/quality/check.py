@@ -101,8 +101,17 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
                 runs.append(run)
         else:
             drops.append(replace(test, log=log))
+    drives = []
+    for drive in campaign.road_drives:
+        log, found, said = _check_log(drive.log, campaign.vehicle, None, falling, at_rest=False)
+        findings += found
+        of_logs += [(log.file, message) for message in said]
+        if log.channels:
+            drives.append(replace(drive, log=log))
+        else:
+            of_logs.append((log.file, f"{log.file}: no channel can be used; the log is left out."))
     messages += [*say_once(of_logs), *copied_logs(tests), *_rejections(findings), *_not_yet_used(tests)]
-    cleaned = replace(campaign, plank_drops=tuple(drops), bump_runs=tuple(runs))
+    cleaned = replace(campaign, plank_drops=tuple(drops), bump_runs=tuple(runs), road_drives=tuple(drives))
     logged = with_logged_speeds(cleaned)
     cleaned, of_bellows = with_bellows(logged.campaign)
     messages += (*logged.messages, *of_bellows)
@@ -139,7 +148,7 @@ def screened(channel: Channel, of_log: Sequence[Channel] = ()) -> Channel | None
 
 
 def _check_log(
-    log: Log, vehicle: Vehicle, bump_speed: float | None, falling: frozenset[int]
+    log: Log, vehicle: Vehicle, bump_speed: float | None, falling: frozenset[int], at_rest: bool = True
 ) -> tuple[Log, list[ChannelFinding], list[str]]:
     messages = list(log.messages)
     others = [check_auxiliary(log, c, bump_speed is not None) for c in log.auxiliary]
@@ -164,7 +173,7 @@ def _check_log(
             item.messages.append(f"the log {what}; the motion of the body cannot be seen in it.")
             item.rejected = True
     else:
-        _judge_together(log, checks, vehicle, bump_speed, falling, messages)
+        _judge_together(log, checks, vehicle, bump_speed, falling, messages, at_rest)
     findings = [*(_finding(log, item, timing) for item, timing in zip(checks, clocks, strict=True)), *of_others]
     kept = tuple(item.channel for item in checks if not item.rejected)
     return replace(log, channels=kept, messages=tuple(messages)), findings, messages
@@ -292,6 +301,7 @@ def _judge_together(
     bump_speed: float | None,
     falling: frozenset[int],
     messages: list[str],
+    at_rest: bool,
 ) -> None:
     alive = [item for item in checks if not item.rejected]
     copies = copied_columns([item.channel for item in alive])
@@ -301,7 +311,7 @@ def _judge_together(
     alive = [item for item in alive if not item.rejected]
     starts = defects.motion_starts([item.channel for item in alive])
     start = defects.motion_start(starts)
-    if start is None and alive:
+    if at_rest and start is None and alive:
         messages.append(f"{log.file}: the truck moves from the first sample on, so the level at rest cannot be read.")
     rests = {}
     for item, channel_start in zip(alive, starts, strict=True):

@@ -214,6 +214,15 @@ class BumpRunTable(LogTable):
         return self
 
 
+class RoadDriveTable(LogTable):
+    """One entry of tests.road_drive: a drive over an ordinary road, with the sensors of the bump runs."""
+
+    file: PathText
+    load_case: Name
+    nominal_speed_km_h: SpeedKmH | None = None
+    speed_held: Literal["servo", "towed", "cruise", "free"] = "servo"
+
+
 class ShapeTable(Table):
     """shape = {...}: a bump by name and size, by points along the road, or from a file."""
 
@@ -300,13 +309,13 @@ class PredictionTable(Table):
 
 
 class TestsTable(Table):
-    """[tests]: plank drops, bump runs and predictions; `plank_height_m` and `load_case` of those that do not say their
-    own."""
+    """[tests]: drops, bump runs, road drives, predictions; `plank_height_m` and `load_case` where they have no own."""
 
     plank_height_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1.0)] | None = None
     load_case: Name | None = None
     plank_drop: Annotated[list[PlankDropTable], Field(max_length=10_000)] = []
     bump_run: Annotated[list[BumpRunTable], Field(max_length=10_000)] = []
+    road_drive: Annotated[list[RoadDriveTable], Field(max_length=10_000)] = []
     prediction: Annotated[list[PredictionTable], Field(max_length=1000)] = []
 
     @model_validator(mode="before")
@@ -315,7 +324,8 @@ class TestsTable(Table):
         if not isinstance(tables, dict):
             return tables
         common = {key: tables[key] for key in ("plank_height_m", "load_case") if key in tables}
-        of_kinds = {kind: tables[kind] for kind in ("plank_drop", "bump_run") if isinstance(tables.get(kind), list)}
+        kinds = ("plank_drop", "bump_run", "road_drive")
+        of_kinds = {kind: tables[kind] for kind in kinds if isinstance(tables.get(kind), list)}
         return {**tables, **{kind: [_with_common(e, kind, common) for e in of] for kind, of in of_kinds.items()}}
 
 

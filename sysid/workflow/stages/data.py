@@ -247,6 +247,7 @@ def _scan(context: Context) -> dict[str, ScanAnalysis]:
 def all_but_logs(campaign: Campaign) -> Collection[str]:
     """The campaign file, scans and whatever else is no log."""
     logs = [test.log for test in campaign.plank_drops] + [run.log for run in campaign.bump_runs]
+    logs += [drive.log for drive in campaign.road_drives]
     files = {name for log in logs for name in (log.file, *log.more_files)}
     return [name for name in campaign.input_sha256 if name not in files]
 
