@@ -152,7 +152,11 @@ def drive(
 
 
 def campaign(
-    truck: Truth, drives: Sequence[tuple[float, Motion]], rng: np.random.Generator, noise: float = 1.0, exact: bool = False
+    truck: Truth,
+    drives: Sequence[tuple[float, Motion]],
+    rng: np.random.Generator,
+    noise: float = 1.0,
+    exact: bool = False,
 ) -> Campaign:
     """What a test engineer knows of a truck that is driven at speeds [m/s].
 

@@ -344,5 +344,6 @@ class Campaign:
     @property
     def load_cases_in_use(self) -> tuple[str, ...]:
         """Names of the load cases that were driven or are to be predicted, in the order of the file."""
-        wanted = {test.load_case for test in (*self.bump_runs, *self.road_drives, *self.predictions)}
+        driven = {run.load_case for run in self.bump_runs} | {drive.load_case for drive in self.road_drives}
+        wanted = driven | {request.load_case for request in self.predictions}
         return tuple(name for name in self.load_cases if name in wanted)
