@@ -14,7 +14,7 @@ from nbclient import NotebookClient
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 #: Figures that a notebook shows at least.
-FIGURES = {"1": 1, "2": 5, "3": 4, "4": 4, "5": 1, "6": 2}
+FIGURES = {"0": 4, "1": 1, "2": 5, "3": 4, "4": 4, "5": 1, "6": 2}
 
 
 @pytest.fixture(scope="module")
@@ -23,6 +23,7 @@ def folder(tmp_path_factory) -> Path:
     root = tmp_path_factory.mktemp("notebooks")
     for campaign in ("linear_truck", "vehicles"):
         shutil.copytree(ROOT / "examples" / campaign, root / "examples" / campaign)
+    shutil.copytree(ROOT / "data", root / "data")
     return root / "examples"
 
 
