@@ -8,7 +8,7 @@ PIP := -m pip --quiet --disable-pip-version-check
 LOCKED := --require-hashes --only-binary :all: --requirement
 LOCK := uv pip compile --quiet --universal --no-build --python-version 3.11 --generate-hashes --no-header --no-annotate
 
-.PHONY: run quick test test-lowest test-long lock parts audit fuzz test-browser docs wheel bench bench-jobs bench-long coverage first-look ring-downs faults check-faults check-numbers damages kills soak fleets independent lint format clean
+.PHONY: run quick test test-lowest test-long lock parts audit fuzz test-browser docs wheel bench bench-jobs bench-long coverage first-look plank-drops faults check-faults check-numbers damages kills soak fleets independent lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -65,8 +65,8 @@ coverage: $(VENV)/.dev
 	$(BIN)/python -m studies.coverage --output build/coverage --document docs/statistics.md
 
 # Some ten minutes on one core: drops with viscous, dry and quadratic damping.
-ring-downs: $(VENV)/.dev
-	$(BIN)/python -m studies.ring_downs --output build/ring_downs --document docs/drops.md
+plank-drops: $(VENV)/.dev
+	$(BIN)/python -m studies.plank_drops --output build/plank_drops --document docs/drops.md
 
 # Some twenty minutes on one core: what `init` guesses right, marks and leaves to a person.
 first-look: $(VENV)/.dev

@@ -88,11 +88,10 @@ def files_table(drops: DropSummary) -> Table:
 
 
 def _shares(a: DropAnalysis) -> str:
-    """How much of the amplitude each kind of damping takes, where there are several."""
-    if a.law is None:
+    """Which elements beyond the linear quarter car the record shows, with their probabilities."""
+    if a.fit is None:
         return ""
-    named = zip(("viscous", "dry friction", "quadratic"), a.law.shares, strict=True)
-    return ", ".join(f"{name} {percent(float(share), 2)}" for name, share in named if share > 0.0)
+    return ", ".join(f"{name} {percent(p, 2)}" for name, p in a.fit.probability.items() if p > 0.1)
 
 
 def without_dampers(results: Results) -> frozenset[str]:

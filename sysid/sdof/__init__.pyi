@@ -1,8 +1,7 @@
 from .analysis import analyse_drop as analyse_drop
-from .damping_law import fit_damping_law as fit_damping_law
 from .decay import prepare_record as prepare_record
 from .decay import read_decay as read_decay
-from .drop_results import DampingLaw as DampingLaw
+from .drop_results import DecayFit as DecayFit
 from .drop_results import DecayReading as DecayReading
 from .drop_results import DropAnalysis as DropAnalysis
 from .drop_results import DropEstimate as DropEstimate

@@ -297,7 +297,8 @@ def _trend(
     if certainty > limit and change >= _TREND_RELEVANCE:
         if falls_with_amplitude:
             return slope, error, "quadratic", "the decrement falls with the amplitude, as with quadratic damping"
-        return slope, error, "friction", "the decrement rises as the amplitude falls, as with dry friction"
+        why = "as with dry friction or a curved spring"
+        return slope, error, "friction", f"the decrement rises as the amplitude falls, {why}"
     if limit * change > _TREND_UNKNOWN * certainty or values.size < 4:
         return slope, error, "unknown", ""
     remark = ""

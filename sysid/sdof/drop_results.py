@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 DropMethod = Literal["paper", "corrected", "free_decay", "model"]
-DampingTerm = Literal["viscous", "friction", "quadratic"]
 
 #: How the note of a single-axle estimate begins where the vehicle moves in more than the one mode that it assumes.
 NOT_ALONE = "not usable alone"
@@ -39,44 +38,46 @@ _COLUMNS = (
 
 
 @dataclass(frozen=True)
-class DampingLaw:
-    """Viscous, dry and quadratic damping of one record, each apart, by a fit to its readings.
+class DecayFit:
+    """The motion after one drop as that of a quarter car, averaged over models of it (`sysid.sdof.decay_fit`).
 
-    x'' + 2 beta x' + q |x'| x' + f omega^2 sign(x') + omega^2 (x - x0) = 0.  `terms` are those the record shows;
-    `runner_up` the next best mixture, `evidence` by how much its information criterion is worse.  `damped_period` [s]
-    and `log_decrement` [-] are those of omega and beta alone, what the equations of a viscous axle take; `friction_m`
-    is f = F/k [m], `quadratic_per_m` is q [1/m].  `covariance` (4, 4) is that of these four, zero where the term is
-    absent (the decrement is fitted along in any case).  `shares` (3,) of viscous, dry and quadratic damping in the
-    amplitude lost over `window_s` [s].  `stick_time_s` when the mass sticks, infinite where it does not; `level` x0
-    [m]; `stiffening_per_m2` e of a spring force k y (1 + e y^2), 0 where the record shows none.  `time_s`,
-    `model` (n,) the fitted motion; `noise_ratio` residual over the noise at rest.  `usable` False (NaN numbers, no
-    terms) where `note` says why.
+    - `stiffness` [N/m] and `damping` [N s/m] with their `covariance` (2, 2), of which repeats do not average out
+      `common_variance` (2,): declared quantities, the choice of the model, and what no model explains;
+    - `damped_period` [s], `log_decrement` [-] of the body mode of this quarter car;
+    - `models`: names and probabilities of the models that count; `probability` of each element: ``friction``,
+      ``progressive``, ``asymmetric``, ``quadratic``, ``mode``;
+    - `friction_force` [N], `slip_m` [m], `quadratic_damping` [N s^2/m^2], `asymmetry` [-] (rebound less compression
+      over their sum), `bend_per_m` [1/m] and `cubic_per_m2` [1/m^2] of a spring force k y (1 + b y + e y^2): (value,
+      standard deviation) over the models that have it, NaN where none has;
+    - `mode_hz`, `mode_strength`: frequency of the further mode [Hz] and its strength over that of the quarter car
+      (square root of the integral of the squared motion);
+    - `linear_bias` (2,): error of k and c of the best model with linear laws alone, relative to its own values;
+    - `window_s` [s], `time_s`, `model` (n,): the part that was fitted and the most probable motion [m];
+    - `noise_ratio`: residual over the noise; `unexplained`: residual over the motion, both without the noise.
     """
 
-    terms: tuple[DampingTerm, ...]
-    runner_up: tuple[DampingTerm, ...]
-    evidence: float
+    stiffness: float
+    damping: float
+    covariance: np.ndarray
+    common_variance: np.ndarray
     damped_period: float
     log_decrement: float
-    friction_m: float
-    quadratic_per_m: float
-    covariance: np.ndarray
-    shares: np.ndarray
-    level: float
-    stiffening_per_m2: float
-    stick_time_s: float
+    models: tuple[tuple[str, float], ...]
+    probability: dict[str, float]
+    friction_force: tuple[float, float]
+    slip_m: tuple[float, float]
+    quadratic_damping: tuple[float, float]
+    asymmetry: tuple[float, float]
+    bend_per_m: tuple[float, float]
+    cubic_per_m2: tuple[float, float]
+    mode_hz: float
+    mode_strength: float
+    linear_bias: np.ndarray
     window_s: tuple[float, float]
     time_s: np.ndarray
     model: np.ndarray
-    residual_rms: float
     noise_ratio: float
-    usable: bool
-    note: str
-
-    @property
-    def kind(self) -> str:
-        """The terms in words, ``unknown`` where there are none."""
-        return " + ".join(self.terms) or "unknown"
+    unexplained: float
 
 
 @dataclass(frozen=True)
@@ -118,9 +119,9 @@ class DropEstimate:
     `stiffness_sd` and `damping_sd` are standard deviations (of the file's own estimate, or the scatter-based one of the
     pooled mean); NaN numbers with `usable` False mean that the record yields none, and `note` says why. `damping_kind`
     says which damping the record shows: ``viscous``, ``friction`` (dry), ``quadratic``, mixtures joined by " + ", or
-    ``unknown``. If it shows more than viscous damping, `damping`, `damped_period` and `log_decrement` are those of the
-    viscous part alone. Then `friction_force` [N] is the dry friction, and `quadratic_damping` [N s^2/m^2] the force
-    over the squared velocity, each with its standard deviation. They are NaN if the record shows none.
+    ``unknown``. `damping` of method ``free_decay`` is the viscous part alone, the mean of both ways of a damper. If the
+    record shows them, `friction_force` [N] is the dry friction, and `quadratic_damping` [N s^2/m^2] the force over the
+    squared velocity, each with its standard deviation. They are NaN if it shows none.
     """
 
     axle: int
@@ -161,8 +162,7 @@ class DropAnalysis(Tabular):
 
     `frequency_hz` and `damping_ratio_directive` (D = ln(A1/A2)/2pi) are the EU 96/53/EC Annex II / VSB 11 indicator.
 
-    - `law` is the mixture of viscous, dry and quadratic damping that explains the record better than viscous damping of
-      body and wheel hop does, None where none does;
+    - `fit` is the quarter car fitted to the readings, None where there were too few;
     - `damping_kind` what the record shows, as in `DropEstimate`.
     """
 
@@ -181,7 +181,7 @@ class DropAnalysis(Tabular):
     frequency_hz: float
     damping_ratio_directive: float
     damping_kind: str = "unknown"
-    law: DampingLaw | None = None
+    fit: DecayFit | None = None
     second_drop_s: float = float("nan")
 
     def summary(self) -> pd.DataFrame:

@@ -121,6 +121,22 @@ def invert_quarter_car(
     return dynamic_stiffness.real - damping * s.real, damping
 
 
+def eigenvalue_of_quarter_car(
+    stiffness: float, damping: float, mass: float, unsprung_mass: float, tire_stiffness: float, tire_damping: float
+) -> complex:
+    """Complex body-mode eigenvalue s [1/s] of a quarter car, the slowest that oscillates, NaN where none does.
+
+    (m s^2 + Z)(mu s^2 + ct s + kt + Z) = Z^2 with Z = k + c s: the inverse of `invert_quarter_car`.  Arguments in N/m,
+    N s/m and kg.
+    """
+    suspension = np.array([damping, stiffness])
+    body = np.array([mass, damping, stiffness])
+    wheel = np.array([unsprung_mass, tire_damping + damping, tire_stiffness + stiffness])
+    roots = np.roots(np.polysub(np.polymul(body, wheel), np.polymul(suspension, suspension)))
+    swings = roots[roots.imag > 1e-9 * np.abs(roots)]
+    return complex(swings[np.argmin(swings.imag)]) if swings.size else complex(np.nan, np.nan)
+
+
 def eigenvalue_from_decay(damped_period: Any, decrement: Any) -> Any:
     """Complex eigenvalue s = (-delta + 2 pi i) / tau_d [1/s] of a decaying oscillation."""
     return (-np.asarray(decrement, float) + 2j * np.pi) / np.asarray(damped_period, float)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.sdof.drop_results import DampingLaw, DropEstimate, DropMethod
+from sysid.sdof.drop_results import DecayFit, DropEstimate, DropMethod
 from sysid.sdof.equations import (
     STIFFNESS_RATIO_LIMIT,
     corrected_damping,
@@ -18,10 +18,16 @@ from sysid.sdof.equations import (
 )
 from sysid.sdof.settings import DropSettings
 
+# Relative standard deviations above which a number says too little; damping is also told within 1 % of the critical.
+_STIFFNESS_TOLD, _DAMPING_TOLD, _OF_CRITICAL = 0.10, 1.0 / 3.0, 0.01
+_SURE, _ABSENT = 0.9, 0.1  # probabilities of an element that is there, and of one that is not
+_SEEN = 0.1  # strength of a further mode that is worth a word
+_SWING_M = 0.03  # at which a curved spring is described
+
 
 @dataclass(frozen=True)
 class AxleOnTire:
-    """One axle as the single-axle equations see it: tributary and unsprung mass [kg], tire [N/m, N s/m]."""
+    """One axle as the single-axle equations see it: masses [kg], tire [N/m, N s/m], and if it has leaves."""
 
     axle: int
     load_case: str
@@ -29,6 +35,7 @@ class AxleOnTire:
     unsprung_mass: float
     tire_stiffness: float
     tire_damping: float
+    leaf: bool = False
 
 
 @dataclass(frozen=True)
@@ -64,28 +71,6 @@ def invert(
         _equations(method), axle, settings, damped_period, decrement, covariance
     )
     return Inversion(float(value[0]), float(value[1]), from_reading, from_declared)
-
-
-def forces_per_unit(
-    method: DropMethod,
-    axle: AxleOnTire,
-    settings: DropSettings,
-    damped_period: float,
-    decrement: float,
-    covariance: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F/f = k (1 + k/kt) [N/m] and Q/q = m (1 + k/kt)^2 [kg] (2,), with covariances (2, 2); k/kt = 0 for ``paper``.
-
-    Arguments and covariances (from the reading, from the declared quantities) are those of `invert`.
-    """
-    equations = _equations(method)
-
-    def per_unit(read: np.ndarray, given: np.ndarray) -> np.ndarray:
-        stiffness = float(equations(read, given)[0])
-        ratio = 0.0 if method == "paper" else stiffness / given[2]
-        return np.array([stiffness * (1.0 + ratio), given[0] * (1.0 + ratio) ** 2])
-
-    return _uncertain(per_unit, axle, settings, damped_period, decrement, covariance)
 
 
 _Equations = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -172,53 +157,108 @@ def estimate(
     )
 
 
-def estimate_by_law(
-    method: DropMethod, axle: AxleOnTire, settings: DropSettings, file: str, law: DampingLaw, note: str
-) -> DropEstimate:
-    """The viscous part of a damping law through the equations of `method`, dry friction and quadratic damping apart.
-
-    F = f k (1 + k/kt) and Q = q m (1 + k/kt)^2, with f [m] and q [1/m] of the law, and k/kt = 0 for the paper's method.
-    The reason: while the suspension sticks, the tire deforms. By the energy at two successive turning points, the
-    amplitude then falls by 2 F / (k (1 + k/kt)) per swing. A force that is small against that of the spring takes the
-    energy integral Q |s'| s'^2 dt from a system with the mass m (1 + k/kt)^2 in the coordinate s of the suspension. A
-    viscous part that the tire's own damping explains is zero.
-    """
-    notes = [note] if note else []
-    covariance = law.covariance[:2, :2]
-    result = invert(method, axle, settings, law.damped_period, law.log_decrement, covariance)
-    if not 0.0 < result.stiffness < np.inf:
-        notes.append("the measured stiffness is not below the tire's, so no suspension stiffness can be told from it")
-        return unusable(method, axle, file, "; ".join(notes), law.damped_period, law.log_decrement)
-    sd = np.sqrt(np.diagonal(result.reading_covariance + result.declared_covariance))
-    if "viscous" not in law.terms:
-        notes.append("viscous damping cannot be told from zero")
-    ratio = 0.0 if method == "paper" else result.stiffness / axle.tire_stiffness
+def of_fit(fit: DecayFit, axle: AxleOnTire, file: str | None, note: str = "") -> DropEstimate:
+    """The row of a fitted quarter car; not usable, with the reason, where k or c cannot be told from the record."""
+    sd = np.sqrt(np.diagonal(fit.covariance))
+    critical = 2.0 * float(np.sqrt(fit.stiffness * axle.mass))
+    kind = damping_kind(fit)
+    (k, c), (k_sd, c_sd) = 1e-3 * np.array([fit.stiffness, fit.damping]), 1e-3 * sd
+    told = f"k {k:.0f} ± {k_sd:.0f} kN/m, c {c:.1f} ± {c_sd:.1f} kN s/m"
+    shown = _shown(fit)
+    notes = [*shown, *([note] if note else [])]
+    period = (fit.damped_period, fit.log_decrement)
+    beside = f" ({', '.join(shown)})" if shown else ""
+    if not sd[0] <= _STIFFNESS_TOLD * fit.stiffness:
+        why = f"the stiffness cannot be told from this record{beside}: {told}"
+    elif not sd[1] <= max(_DAMPING_TOLD * fit.damping, _OF_CRITICAL * critical):
+        why = f"the damping cannot be told from this record{beside}: {told}"
+    else:
+        why = ""
+    if why:
+        of_none = unusable("free_decay", axle, file, "; ".join([why, *([note] if note else [])]), *period)
+        return replace(of_none, damping_kind=kind)
+    ratio = fit.stiffness / axle.tire_stiffness
     if ratio > STIFFNESS_RATIO_LIMIT:
-        notes.append(f"k/kt = {ratio:.2f} is above {STIFFNESS_RATIO_LIMIT:g}, where the correction is not reliable")
-    per_unit, *parts = forces_per_unit(method, axle, settings, law.damped_period, law.log_decrement, covariance)
-    of_law = np.array([law.friction_m, law.quadratic_per_m])
-    force = per_unit * of_law
-    force_sd = np.sqrt(np.diagonal(law.covariance)[2:] * per_unit**2 + np.diagonal(sum(parts)) * of_law**2)
-    absent = [term not in law.terms for term in ("friction", "quadratic")]
-    force[absent] = force_sd[absent] = np.nan
+        notes.append(f"k/kt = {ratio:.2f} is above {STIFFNESS_RATIO_LIMIT:g}, where the tire decides")
+    rubs = fit.probability["friction"] > 0.5
+    bends = fit.probability["quadratic"] > 0.5
+    nothing = (float("nan"), float("nan"))
+    friction, quadratic = fit.friction_force if rubs else nothing, fit.quadratic_damping if bends else nothing
     return DropEstimate(
         axle=axle.axle,
         load_case=axle.load_case,
         file=file,
-        method=method,
-        stiffness=result.stiffness,
+        method="free_decay",
+        stiffness=fit.stiffness,
         stiffness_sd=float(sd[0]),
-        damping=max(result.damping, 0.0),
+        damping=fit.damping,
         damping_sd=float(sd[1]),
-        damped_period=law.damped_period,
-        log_decrement=law.log_decrement,
+        damped_period=fit.damped_period,
+        log_decrement=fit.log_decrement,
         usable=True,
         note="; ".join(notes),
-        damping_kind=law.kind,
-        friction_force=float(force[0]),
-        friction_force_sd=float(force_sd[0]),
-        quadratic_damping=float(force[1]),
-        quadratic_damping_sd=float(force_sd[1]),
+        damping_kind=kind,
+        friction_force=friction[0],
+        friction_force_sd=friction[1],
+        quadratic_damping=quadratic[0],
+        quadratic_damping_sd=quadratic[1],
+    )
+
+
+def damping_kind(fit: DecayFit) -> str:
+    """Which damping a fitted record shows, ``unknown`` where the models do not agree on it."""
+    if any(_ABSENT < fit.probability[e] < _SURE for e in ("friction", "quadratic")):
+        return "unknown"
+    sd = float(np.sqrt(fit.covariance[1, 1]))
+    terms = [
+        name
+        for name, there in (
+            ("viscous", fit.damping > 2.0 * sd),
+            ("friction", fit.probability["friction"] >= _SURE),
+            ("quadratic", fit.probability["quadratic"] >= _SURE and fit.quadratic_damping[0] > 0.0),
+        )
+        if there
+    ]
+    return " + ".join(terms) or "unknown"
+
+
+def _shown(fit: DecayFit) -> list[str]:
+    """What the record shows beyond a linear quarter car, in words."""
+    sure = {e for e, p in fit.probability.items() if p >= _SURE}
+    words = []
+    if "friction" in sure:
+        (force, sd), (slip, slip_sd) = fit.friction_force, fit.slip_m
+        words.append(
+            f"dry friction of {1e-3 * force:.2f} ± {1e-3 * sd:.2f} kN over {1e3 * slip:.1f} ± {1e3 * slip_sd:.1f} mm"
+        )
+    if "progressive" in sure:
+        bend, cubic = fit.bend_per_m[0], fit.cubic_per_m2[0]
+        at = [100.0 * (2.0 * bend * y + 3.0 * cubic * y * y) for y in (-_SWING_M, _SWING_M)]
+        words.append(f"the spring's rate {at[0]:+.0f} % at {1e3 * _SWING_M:.0f} mm, {at[1]:+.0f} % in rebound")
+    if "asymmetric" in sure:
+        share = 50.0 * (1.0 - fit.asymmetry[0])
+        words.append(f"{share:.0f} % of the damping in compression, c is the mean of both ways")
+    if "quadratic" in sure and fit.quadratic_damping[0] < 0.0:
+        words.append("the damper's force grows less than its speed, c is that of slow motion")
+    if "mode" in sure and fit.mode_strength > _SEEN:
+        words.append(f"a further mode at {fit.mode_hz:.2f} Hz, {100.0 * fit.mode_strength:.0f} % as strong")
+    return words
+
+
+def with_bias(row: DropEstimate, fit: DecayFit) -> DropEstimate:
+    """A row from the peaks; its standard deviations hold its difference from the fitted quarter car, which it names."""
+    value, sd = np.array([row.stiffness, row.damping]), np.array([row.stiffness_sd, row.damping_sd])
+    fitted = np.array([fit.stiffness, fit.damping])
+    off = value - fitted
+    wide = np.hypot(np.maximum(sd, np.sqrt(np.diagonal(fit.covariance))), off)
+    share = 100.0 * off / fitted
+    said = f"k {share[0]:+.0f} % and c {share[1]:+.0f} % against the fitted quarter car"
+    return replace(
+        row,
+        stiffness_sd=float(wide[0]),
+        damping_sd=float(wide[1]),
+        note="; ".join(part for part in (said, row.note) if part),
+        damping_kind=damping_kind(fit),
     )
 
 

@@ -16,7 +16,7 @@ from sysid.helper_process import shared_with_helper
 from sysid.sdof.analysis import analyse_drop, axle_on_tire, has_neighbours
 from sysid.sdof.averages import mean_with_scatter
 from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropMethod, DropSummary
-from sysid.sdof.estimates import AxleOnTire, forces_per_unit, invert, unusable
+from sysid.sdof.estimates import AxleOnTire, invert, unusable
 from sysid.sdof.settings import DropSettings
 from sysid.wording import say_once
 
@@ -62,8 +62,7 @@ def analyse_drops(campaign: Campaign, settings: DropSettings | None = None) -> D
     for axle, load_case in sorted({(a.axle, a.load_case) for a in with_dampers}, key=lambda key: (key[1], key[0])):
         group = [a for a in with_dampers if (a.axle, a.load_case) == (axle, load_case)]
         quarter_car = axle_on_tire(axle, vehicle, campaign.load_cases[load_case])
-        for method in METHODS:
-            pooled.append(_pool([e for a in group for e in a.estimates if e.method == method], quarter_car, settings))
+        pooled += [_pool(group, method, quarter_car, settings) for method in METHODS]
     without = [a for a, d in zip(files, drops, strict=True) if not d.dampers]
     messages = _messages(vehicle, files, pooled, without)
     hidden = [d.log.file for d in campaign.plank_drops if not _shows_deflection(d)]
@@ -93,48 +92,42 @@ def summary_table(summary: DropSummary) -> pd.DataFrame:
     return table
 
 
-def _pool(estimates: list[DropEstimate], axle: AxleOnTire, settings: DropSettings) -> DropEstimate:
+def _pool(group: list[DropAnalysis], method: DropMethod, axle: AxleOnTire, settings: DropSettings) -> DropEstimate:
     """Mean of the usable repeats of one axle, load case and method."""
-    method = estimates[0].method
-    usable = [e for e in estimates if e.usable]
+    rows = [(next(e for e in a.estimates if e.method == method), a) for a in group]
+    usable = [(e, a) for e, a in rows if e.usable]
     if not usable:
-        reasons = _distinct(e.note for e in estimates if e.note)
-        return unusable(method, axle, None, f"none of {len(estimates)} records usable: {'; '.join(reasons)}")
-    period, decrement = (
-        float(np.mean([getattr(e, name) for e in usable])) for name in ("damped_period", "log_decrement")
-    )
-    declared = invert(method, axle, settings, period, decrement, np.zeros((2, 2))).declared_covariance
-    alike, said = _alike(usable)
+        reasons = _distinct(e.note for e, _ in rows if e.note)
+        return unusable(method, axle, None, f"none of {len(rows)} records usable: {'; '.join(reasons)}")
+    used = [e for e, _ in usable]
+    alike, said = _alike(used)
+    of = {id(e): a for e, a in usable}
     values = {}
-    for index, (name, group) in enumerate((("stiffness", usable), ("damping", alike))):
-        covariances = [
-            invert(method, axle, settings, e.damped_period, e.log_decrement, np.zeros((2, 2))).declared_covariance
-            for e in group
-        ]
-        mean, error = _mean(group, name, np.array([c[index, index] for c in covariances]))
-        values[name] = mean
-        values[f"{name}_sd"] = float(np.sqrt(error**2 + declared[index, index]))
-    for index, name in enumerate(("friction_force", "quadratic_damping")):
-        group = [e for e in alike if np.isfinite(getattr(e, name))]
-        if 2 * len(group) >= len(alike) and group:
-            common = [_declared_share(method, axle, settings, e.damped_period, e.log_decrement)[index] for e in group]
-            shares = np.array([getattr(e, name) for e in group]) * common
-            mean, error = _mean(group, name, shares**2)
-            values[name] = mean
-            share = _declared_share(method, axle, settings, period, decrement)[index]
-            values[f"{name}_sd"] = float(np.hypot(error, mean * share))
-    notes = [*said, *_distinct(part for e in usable for part in e.note.split("; ") if part)]
-    if len(usable) < len(estimates):
-        notes.insert(0, f"{len(usable)} of {len(estimates)} records usable")
-    elif len(usable) == 1:
+    for index, name in enumerate(("stiffness", "damping")):
+        chosen = used if name == "stiffness" else alike
+        value = np.array([getattr(e, name) for e in chosen])
+        own, common = np.array([_variances(e, of[id(e)], axle, settings)[:, index] for e in chosen]).T
+        mean, error = mean_with_scatter(value, np.diag(np.maximum(own - common, (1e-6 * value) ** 2 + 1e-12)))
+        values[name], values[f"{name}_sd"] = mean, float(np.sqrt(error**2 + common.mean()))
+    for name in ("friction_force", "quadratic_damping"):
+        of_law = [e for e in alike if np.isfinite(getattr(e, name))]
+        if of_law and 2 * len(of_law) >= len(alike):
+            value, sd = (np.array([getattr(e, f"{name}{end}") for e in of_law]) for end in ("", "_sd"))
+            mean, error = mean_with_scatter(value, np.diag(sd**2))
+            # Declared masses are common to all repeats: no mean is known better than the best of them.
+            values[name], values[f"{name}_sd"] = mean, max(error, float(sd.min()))
+    notes = [*said, *_distinct(part for e in used for part in e.note.split("; ") if part)]
+    if len(used) < len(rows):
+        notes.insert(0, f"{len(used)} of {len(rows)} records usable")
+    elif len(used) == 1:
         notes.insert(0, "one record only, nothing is known of the scatter between repeats")
     return DropEstimate(
         axle=axle.axle,
         load_case=axle.load_case,
         file=None,
         method=method,
-        damped_period=period,
-        log_decrement=decrement,
+        damped_period=float(np.mean([e.damped_period for e in used])),
+        log_decrement=float(np.mean([e.log_decrement for e in used])),
         usable=True,
         note="; ".join(notes),
         damping_kind=Counter(e.damping_kind for e in alike).most_common(1)[0][0],
@@ -142,20 +135,14 @@ def _pool(estimates: list[DropEstimate], axle: AxleOnTire, settings: DropSetting
     )
 
 
-def _declared_share(
-    method: DropMethod, axle: AxleOnTire, settings: DropSettings, period: float, decrement: float
-) -> np.ndarray:
-    """Relative standard deviations (2,) of friction force and quadratic damping from the declared quantities."""
-    per_unit, _, declared = forces_per_unit(method, axle, settings, period, decrement, np.zeros((2, 2)))
-    return np.asarray(np.sqrt(np.diagonal(declared)) / per_unit)
-
-
-def _mean(group: list[DropEstimate], name: str, declared_variance: np.ndarray) -> tuple[float, float]:
-    """Random-effects mean of one quantity and its standard error; what is declared for all repeats is left out."""
-    value = np.array([getattr(e, name) for e in group])
-    sd = np.array([getattr(e, f"{name}_sd") for e in group])
-    reading = np.maximum(sd**2 - declared_variance, (1e-6 * value) ** 2 + 1e-12)
-    return mean_with_scatter(value, np.diag(reading))
+def _variances(e: DropEstimate, analysis: DropAnalysis, axle: AxleOnTire, settings: DropSettings) -> np.ndarray:
+    """Variances of k and c of one record (2, 2): the whole, and what all repeats have in common."""
+    if e.method == "free_decay" and analysis.fit is not None:
+        return np.stack([np.diagonal(analysis.fit.covariance), analysis.fit.common_variance])
+    whole, reading = np.square([e.stiffness_sd, e.damping_sd]), analysis.reading
+    read = np.diag([reading.damped_period_se**2, reading.log_decrement_se**2])
+    own = invert(e.method, axle, settings, e.damped_period, e.log_decrement, read).reading_covariance
+    return np.stack([whole, np.maximum(whole - np.diagonal(own), 0.0)])
 
 
 def _alike(usable: list[DropEstimate]) -> tuple[list[DropEstimate], list[str]]:
@@ -205,11 +192,7 @@ def _messages(
         why = next(a.reading.note for a in files if a.axle == axle and _without_numbers(a))
         messages.append(f"Axle '{names[axle]}': {count} of {total} records give no two-peak decrement ({why}).")
     for axle in sorted({a.axle for a in files} - set(unread)):
-        doubtful = [
-            a
-            for a in files
-            if a.axle == axle and a.law is None and a.reading.log_decrement_se > 0.2 * a.reading.log_decrement
-        ]
+        doubtful = [a for a in files if a.axle == axle and a.reading.log_decrement_se > 0.2 * a.reading.log_decrement]
         if doubtful:
             messages.append(
                 f"Axle '{names[axle]}': the decrement of {len(doubtful)} records scatters by more than 20 %, its "
@@ -228,7 +211,7 @@ def _messages(
 
 
 def _without_numbers(analysis: DropAnalysis) -> bool:
-    return not analysis.reading.usable and analysis.law is None
+    return not analysis.reading.usable
 
 
 def _friction_messages(names: list[str], files: tuple[DropAnalysis, ...], pooled: list[DropEstimate]) -> list[str]:
@@ -240,7 +223,7 @@ def _friction_messages(names: list[str], files: tuple[DropAnalysis, ...], pooled
         if 2 * rubbing <= len(group):
             continue
         of_axle = [e for e in pooled if (e.axle, e.load_case) == (axle, load_case) and np.isfinite(e.friction_force)]
-        best = next((e for m in ("corrected", "paper") for e in of_axle if e.method == m), None)
+        best = next(iter(of_axle), None)
         told = f"Axle '{names[axle]}' ({load_case}): {rubbing} of {len(group)} records show dry friction"
         if best is not None:
             force, sd = 1e-3 * best.friction_force, 1e-3 * best.friction_force_sd

@@ -78,15 +78,15 @@ def nonlinear_decay(time_s, omega, start, *, linear=0.0, quadratic=0.0, friction
 def quarter_car_with_quadratic_damping(time_s, k, quadratic, on_tire, start=0.05, release_s=0.5):
     """Suspension deflection of a quarter car, F = k s + Q |s'| s' over the tire's spring, released `start` m from rest.
 
-    `on_tire` has the masses and the tire; its damping is left out.
+    `on_tire` has the masses and the tire.
     """
-    m, m_u, kt = on_tire.mass, on_tire.unsprung_mass, on_tire.tire_stiffness
+    m, m_u, kt, ct = on_tire.mass, on_tire.unsprung_mass, on_tire.tire_stiffness, on_tire.tire_damping
 
     def rhs(_, y):
         body, body_rate, axle, axle_rate = y
         s, rate = body - axle, body_rate - axle_rate
         force = k * s + quadratic * abs(rate) * rate
-        return [body_rate, -force / m, axle_rate, (force - kt * axle) / m_u]
+        return [body_rate, -force / m, axle_rate, (force - kt * axle - ct * axle_rate) / m_u]
 
     axle = start * k / kt
     after = time_s[time_s >= release_s] - release_s

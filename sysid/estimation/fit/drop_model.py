@@ -32,6 +32,7 @@ from sysid.progress import Progress, unwatched
 from sysid.road.enveloping import FootprintMap, footprint_map
 from sysid.road.plank_road import lifted_onto_plank, plank_table
 from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropSummary
+from sysid.sdof.settings import DropSettings
 from sysid.sdof.smoothing import high_frequency_noise, local_polynomial, robust_sd
 from sysid.vehicle_model.passes import EffectiveRoads
 
@@ -168,7 +169,8 @@ def fit_drops(
     Returns
     -------
     Estimates with method ``model``, one per axle (of a group at its first axle) and load case of its stiffness.
-    Standard deviations include what the model does not explain (residual over instrument noise). If that is large, they
+    Standard deviations include what the model does not explain (residual over instrument noise), the tolerance of the
+    masses, and by how much linear laws err in the single-axle fits of the same records. If the residual is large, they
     also include the spread that linear laws leave on vehicles with dry friction.
 
     Raises
@@ -209,7 +211,7 @@ def fit_drops(
         values, motion = optimum.problem.unpack(optimum.vector)
         search = partial(optimise_from, as_runs, model, motion, instrument, values, options.phase(), report)
         optimum = search(weights=optimum.problem.weights, damping=optimum.minimum.damping)
-    return _estimates(records, optimum)
+    return _estimates(records, optimum, list(analysed.values()))
 
 
 def _says_little(optimum: Optimum) -> bool:
@@ -331,11 +333,24 @@ def _scatter_at_rest(time_s: Samples, value: Samples, released_s: float) -> floa
     return min(scatter, default=0.0)
 
 
-def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEstimate, ...]:
+def _form_sd(analysed: Sequence[DropAnalysis], axle: int, load_case: str) -> np.ndarray:
+    """Relative standard deviations (2,) of k and c from what the full model takes as given.
+
+    Its masses are those of the scales, and its laws are linear: the second part is by how much linear laws err in the
+    single-axle fits of the same records.
+    """
+    bias = [a.fit.linear_bias for a in analysed if a.fit is not None and (a.axle, a.load_case) == (axle, load_case)]
+    of_laws = np.abs(np.mean(bias, axis=0)) if bias else np.zeros(2)
+    return np.asarray(np.hypot(DropSettings().tributary_mass_tolerance, of_laws))
+
+
+def _estimates(
+    records: Sequence[PlankDrop], optimum: Optimum, analysed: Sequence[DropAnalysis]
+) -> tuple[DropEstimate, ...]:
     parameters = optimum.problem.model.parameters
     sd = parameter_sd(optimum) * max(1.0, optimum.misfit)
     doubtful = optimum.misfit >= DOUBT
-    form = (DOUBTFUL_STIFFNESS_SD, DOUBTFUL_DAMPING_SD) if doubtful else (0.0, 0.0)
+    doubt = np.array([DOUBTFUL_STIFFNESS_SD, DOUBTFUL_DAMPING_SD]) * doubtful
     note = (
         f"the model leaves {optimum.misfit:.1f} times the instrument noise, as with dry friction or dampers that are "
         "not linear: its standard deviations allow for that"
@@ -347,6 +362,7 @@ def _estimates(records: Sequence[PlankDrop], optimum: Optimum) -> tuple[DropEsti
     for axle, load_case in sorted(dropped, key=lambda key: (key[1], key[0])):
         k, c = parameters.index("stiffness", axle, load_case), parameters.index("damping", axle, load_case)
         stiffness, damping = np.exp(optimum.vector[[k, c]])
+        form = np.hypot(_form_sd(analysed, axle, load_case), doubt)
         estimates.append(
             DropEstimate(
                 axle=axle,

@@ -1,6 +1,6 @@
-"""Command line of the study of simulated ring-downs.
+"""Command line of the study of made plank drops.
 
-    python -m studies.ring_downs [--output DIR] [--replicates N] [--seed SEED] [--document FILE]
+    python -m studies.plank_drops [--output DIR] [--replicates N] [--seed SEED] [--document FILE]
 
 computes the replicates that are missing in DIR, prints the table and, if asked, writes it into FILE.
 """
@@ -13,16 +13,16 @@ from functools import partial
 from pathlib import Path
 
 from studies.coverage.shards import collect, fill
-from studies.ring_downs.reading import SEED, replicate
-from studies.ring_downs.table import table, write
+from studies.plank_drops.reading import SEED, replicate
+from studies.plank_drops.table import table, write
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Fill the shards and show what they say."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--output", type=Path, default=Path("build/ring_downs"), help="folder of the replicates")
-    parser.add_argument("--replicates", type=int, default=200, help="number of ring-downs")
-    parser.add_argument("--seed", type=int, default=SEED, help="seed of the ring-downs")
+    parser.add_argument("--output", type=Path, default=Path("build/plank_drops"), help="folder of the replicates")
+    parser.add_argument("--replicates", type=int, default=400, help="number of plank drops")
+    parser.add_argument("--seed", type=int, default=SEED, help="seed of the plank drops")
     parser.add_argument("--document", type=Path, default=None, help="file whose table is rewritten")
     options = parser.parse_args(arguments)
     study = f"seed{options.seed}"

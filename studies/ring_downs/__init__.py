@@ -1,1 +1,0 @@
-"""Simulated ring-downs with viscous, dry and quadratic damping: are kind, numbers and intervals right?"""
