@@ -8,11 +8,11 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
+from sysid.campaign.units import STANDARD_GRAVITY_M_S2
 from sysid.sdof.decay import PreparedRecord
 from sysid.sdof.decay_models import (
     DECLARED,
     ELEMENTS,
-    GRAVITY,
     LOGARITHMIC,
     PLACE,
     UNKNOWNS,
@@ -32,7 +32,7 @@ from sysid.sdof.settings import DropSettings
 from sysid.sdof.smoothing import high_frequency_noise, local_polynomial
 
 # Priors of what is not declared, as (middle, standard deviation); a logarithmic one as (median, of the logarithm).
-_FRICTION_SHARE = (0.0, 0.06)  # of the load, positive: leaf packs have 2 to 10 % (Fancher et al., UMTRI-86-12)
+_FRICTION_SHARE = 0.06  # of the load, of a positive force: leaf packs have 2 to 10 % (Fancher et al., UMTRI-86-12)
 _SLIP = (2e-3, 1.2)  # m: some 0.2 to 20 mm (Fancher et al., SAE 800905, have 1 to 3 mm)
 _BEND, _CUBIC = (0.0, 5.0), (0.0, 250.0)  # 1/m, 1/m^2: a gas spring of 0.2 to 0.35 m, twice as stiff at 50 to 60 mm
 _ASYMMETRY = (0.0, 0.5)  # of the damper, truck dampers have 0.2 to 0.7
@@ -199,7 +199,7 @@ def _prepared(
             **{n: (d, t) for n, d, t in zip(names, declared, tolerances, strict=True)},
             **{n: (m, _SPREAD_OF_START[n]) for n, m in start.items()},
             "drift": (0.0, _DRIFT_M_S),
-            "friction_share": _FRICTION_SHARE,
+            "friction": (0.0, _FRICTION_SHARE * axle.mass * STANDARD_GRAVITY_M_S2),
             "slip": _SLIP,
             "stuck": (came_from, 0.4),
             "bend": _BEND,
@@ -295,8 +295,8 @@ def _starts(
     damping = float(own[PLACE["damping"]])
     if "friction" in new:
         return [
-            with_({"damping": 0.6 * damping, "friction_share": 0.02, "slip": 1.5e-3}),
-            with_({"damping": 0.2 * damping, "friction_share": 0.05, "slip": 4e-3}),
+            with_({"damping": 0.6 * damping, "friction": 0.3 * priors.sd[PLACE["friction"]], "slip": 1.5e-3}),
+            with_({"damping": 0.2 * damping, "friction": 0.8 * priors.sd[PLACE["friction"]], "slip": 4e-3}),
         ]
     if "mode" in new:
         rest = readings.value - parent.curve
@@ -409,7 +409,7 @@ def _averaged(
         log_decrement=float(-2.0 * np.pi * pole.real / pole.imag),
         models=tuple((" + ".join(sorted(o.model)) or "linear", float(w)) for o, w in zip(close, weight, strict=True)),
         probability={e: float(sum(w for w, o in zip(weight, close, strict=True) if e in o.model)) for e in ELEMENTS},
-        friction_force=element("friction_share", axle.mass * GRAVITY),
+        friction_force=element("friction"),
         slip_m=element("slip"),
         quadratic_damping=element("quadratic"),
         asymmetry=element("asymmetry"),

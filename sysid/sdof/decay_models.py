@@ -8,8 +8,6 @@ import numpy as np
 
 from sysid.sdof.quarter_car import QuarterCars
 
-GRAVITY = 9.81
-
 #: What every model has: the linear quarter car, how the sensor reads at rest, and the state where the fit begins.
 _LINEAR = (
     "stiffness",
@@ -27,7 +25,7 @@ _LINEAR = (
 )
 #: Elements beyond it, with the unknowns that each adds.
 ELEMENTS = {
-    "friction": ("friction_share", "slip", "stuck"),
+    "friction": ("friction", "slip", "stuck"),
     "progressive": ("bend", "cubic"),
     "asymmetric": ("asymmetry",),
     "quadratic": ("quadratic",),
@@ -47,7 +45,7 @@ _BESIDE = ("level", "drift", "mode_omega", "mode_ratio", "mode_cosine", "mode_si
 #: Places of what is added to the motion of the quarter car.
 BESIDE = [PLACE[n] for n in _BESIDE]
 
-_LOWEST = {"damping": 0.0, "friction_share": 0.0, "stuck": -1.0, "asymmetry": -0.95}
+_LOWEST = {"damping": 0.0, "friction": 0.0, "stuck": -1.0, "asymmetry": -0.95}
 _HIGHEST = {"stuck": 1.0, "asymmetry": 0.95}
 _FARTHEST = 12.0  # prior standard deviations
 
@@ -110,7 +108,7 @@ def motion(values: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     cars = QuarterCars(
         **{n: v[n] for n in ("mass", "unsprung", "tire", "tire_damping", "stiffness", "bend", "cubic")},
         **{n: v[n] for n in ("damping", "asymmetry", "quadratic", "slip", "stuck")},
-        friction=v["friction_share"] * v["mass"] * GRAVITY,
+        friction=v["friction"],
         start=np.stack([v["extension"], v["extension_rate"], v["wheel"], v["wheel_rate"]]),
     )
     return cars.extension(time_s)

@@ -251,8 +251,12 @@ def with_bias(row: DropEstimate, fit: DecayFit) -> DropEstimate:
     fitted = np.array([fit.stiffness, fit.damping])
     off = value - fitted
     wide = np.hypot(np.maximum(sd, np.sqrt(np.diagonal(fit.covariance))), off)
-    share = 100.0 * off / fitted
-    said = f"k {share[0]:+.0f} % and c {share[1]:+.0f} % against the fitted quarter car"
+    parts = [f"k {100.0 * off[0] / fitted[0]:+.0f} %"]
+    if fitted[1] > np.sqrt(fit.covariance[1, 1]):
+        parts.append(f"c {100.0 * off[1] / fitted[1]:+.0f} %")
+    else:
+        parts.append(f"c {1e-3 * off[1]:+.1f} kN s/m")
+    said = f"{' and '.join(parts)} against the fitted quarter car"
     return replace(
         row,
         stiffness_sd=float(wide[0]),

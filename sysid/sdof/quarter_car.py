@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
+from sysid.campaign.units import STANDARD_GRAVITY_M_S2
+
 #: Longest step [s]. The linear part is exact at any step; over this one, friction with a slip length of 1 mm and curved
 #: springs err by less than 0.05 mm.
 LONGEST_STEP_S = 0.0051
@@ -38,7 +40,7 @@ class QuarterCars:
     start: np.ndarray
     stuck: np.ndarray
 
-    def extension(self, time_s: np.ndarray, gravity: float = 9.81) -> np.ndarray:
+    def extension(self, time_s: np.ndarray) -> np.ndarray:
         """Extension y (p, n) [m] at increasing times (n,) [s]; the start is at the first.
 
         m (y'' + w'') = -f,  mu w'' = f - min(kt w + ct w', (m + mu) g)
@@ -51,7 +53,7 @@ class QuarterCars:
         end = float(time_s[-1] - time_s[0])
         steps = max(int(np.ceil(end / LONGEST_STEP_S)), 1)
         step = end / steps
-        carried = (self.mass + self.unsprung) * gravity
+        carried = (self.mass + self.unsprung) * STANDARD_GRAVITY_M_S2
         with np.errstate(over="ignore", invalid="ignore"):
             # Of a search that runs away nothing is left but numbers that are not finite.
             states = self._march(step, steps, None)

@@ -254,7 +254,8 @@ def test_pooled_errors_carry_scatter_and_tolerance(summary):
         single = [x for a in summary.files for x in a.estimates if (x.axle, x.method) == (e.axle, e.method)]
         values = [x.stiffness for x in single if x.usable]
         assert min(values) * (1 - 1e-9) <= e.stiffness <= max(values) * (1 + 1e-9)
-        assert e.stiffness_sd > 0.9 * np.std(values, ddof=1) / np.sqrt(len(values))
+        if len(values) > 1:
+            assert e.stiffness_sd > 0.9 * np.std(values, ddof=1) / np.sqrt(len(values))
         assert e.stiffness_sd > 0.019 * e.stiffness
 
 
