@@ -85,7 +85,8 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
     measured = measured_values(campaign, {} if exchanged else hop_hz, [] if masses or unclear else spectra)
     said += [*masses, *exchanged, *sentences([*declared, *measured], [MASSES])]
     if not places.said:
-        said += _sentences(lambda: bump_complaints(runs, passages, profiles))
+        cases = campaign.load_cases
+        said += _sentences(lambda: bump_complaints(runs, passages, profiles, vehicle, cases))
         said += _sentences(lambda: drop_complaints(campaign, [] if masses else spectra))
     findings = tuple(_scan_finding(name, campaign.scans[name], scan) for name, scan in scans.items())
     of_scans = [*refused, *(m for s in scans.values() for m in s.messages)]

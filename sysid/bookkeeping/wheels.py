@@ -12,7 +12,8 @@ from sysid import limits
 from sysid.campaign.gaps import is_whole, readings_at, window_over
 from sysid.campaign.passage.arrivals import HIGH_PASS_HZ, Passage, integrated
 from sysid.campaign.records import AntiAliasFilter, BumpRun, Channel
-from sysid.campaign.vehicle_records import Vehicle
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
+from sysid.road.effective import AxleRoad, effective_profiles
 from sysid.road.road_profile import RoadProfile
 from sysid.wording import shorten
 
@@ -35,8 +36,6 @@ HOPELESS = 0.12
 #: Scans of a bump and of its mirror image differ by more than this [m] where the direction is judged.
 ASYMMETRIC_M = 0.0015
 MIRRORED = 0.03
-#: Half of the length over which a tire smooths the road [m].
-_FOOTPRINT_M = 0.11
 _SLOW_M_S = 7.0
 #: Motion on the bump is compared below this frequency, and a gap disturbs what is integrated for this time around it.
 _RISE_HZ, _INTEGRATED_S = 15.0, 1.0
@@ -147,22 +146,31 @@ class _Rise:
 
 
 def bump_complaints(
-    runs: Sequence[BumpRun], passages: Mapping[str, Passage | None], profiles: Mapping[str, RoadProfile]
+    runs: Sequence[BumpRun],
+    passages: Mapping[str, Passage | None],
+    profiles: Mapping[str, RoadProfile],
+    vehicle: Vehicle,
+    load_cases: Mapping[str, LoadCase],
 ) -> list[str]:
     """Sentences about scans that the axles contradict: height, shape, direction.
 
     The axle's displacement z, from its acceleration a, is h r - (m_u / kt) a + (k / kt) q + (c / kt) q' with the
-    smoothed profile r: h is the height of the bump over that of the scan.
+    effective profile r of its tires: h is the height of the bump over that of the scan.
     """
+    reference = next(iter(load_cases.values()))
     said = []
     for name, profile in profiles.items():
+        felt = {
+            case: effective_profiles(vehicle, load_cases[case], reference, profile)
+            for case in dict.fromkeys(run.load_case for run in runs if run.bump == name)
+        }
         rises = [
             rise
             for run in runs
             if run.bump == name and (passage := passages.get(run.log.file)) is not None
             and 0.0 < passage.speed_m_s < _SLOW_M_S
             for axle in passage.arrivals
-            if (rise := _rise(run, passage, axle, profile)) is not None
+            if (rise := _rise(run, passage, axle, profile, felt[run.load_case][axle])) is not None
         ]  # fmt: skip
         if len(rises) < 2:
             continue
@@ -214,7 +222,7 @@ def _judged(name: str, profile: RoadProfile, rises: Sequence[_Rise], several: bo
     return []
 
 
-def _rise(run: BumpRun, passage: Passage, axle: int, profile: RoadProfile) -> _Rise | None:
+def _rise(run: BumpRun, passage: Passage, axle: int, profile: RoadProfile, felt: AxleRoad) -> _Rise | None:
     """Least squares of one axle's displacement on the profile, over shifts of the profile; and on its mirror image."""
     a, q = _axle_sensor(run, axle), _axle_sensor(run, axle, "suspension_deflection")
     if a is None or q is None or a.censored.mean() > 0.01:
@@ -250,9 +258,9 @@ def _rise(run: BumpRun, passage: Passage, axle: int, profile: RoadProfile) -> _R
             left.append((float(rest @ rest) / whole, float(solution[0])))
         return min(left)
 
-    station, height = _smoothed(profile, False)
+    station, height = _about_middle(felt.rise_m, float(felt.station_m[1] - felt.station_m[0]))
     left, rises = fitted(station, height)
-    mirrored, _ = fitted(*_smoothed(profile, True))
+    mirrored, _ = fitted(-station[::-1], height[::-1])
     if left < _LENGTH_LEFT:
         return _Rise(rises, left, mirrored)
     (other, rises_then), length = min((fitted(station * length, height), length) for length in _LENGTHS)
@@ -271,15 +279,11 @@ def _band(value: np.ndarray, step: float, derivative: int = 0, high_pass: bool =
     return np.asarray(np.fft.irfft(np.fft.rfft(value - np.median(value), 2 * count) * factor, 2 * count)[:count])
 
 
-def _smoothed(profile: RoadProfile, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Station from the middle of the bump [m] and height as a tire feels it, roughly."""
-    height = profile.height_m[::-1] if mirrored else profile.height_m
-    step = float(profile.station_m[1] - profile.station_m[0])
-    kernel = np.hanning(max(3, int(2.0 * _FOOTPRINT_M / step) + 2))
-    smooth = np.convolve(np.pad(height, kernel.size), kernel / kernel.sum(), "same")
-    station = step * np.arange(smooth.size)
-    middle = station[int(np.argmax(np.cumsum(smooth) > 0.5 * smooth.sum()))]
-    return station - middle, smooth
+def _about_middle(height: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Station from the middle of the bump [m] and height."""
+    station = step * np.arange(height.size)
+    middle = station[int(np.argmax(np.cumsum(height) > 0.5 * height.sum()))]
+    return station - middle, height
 
 
 def filter_complaint(runs: Sequence[BumpRun], low_pass: AntiAliasFilter | None) -> str | None:

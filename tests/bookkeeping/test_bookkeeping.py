@@ -14,14 +14,16 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from sysid.bookkeeping import check_bookkeeping
+from sysid.bookkeeping import check_bookkeeping, wheels
 from sysid.bookkeeping.wheels import hop_frequency
 from sysid.campaign import read_campaign
 from sysid.campaign.passage.arrivals import Arrival, Passage
 from sysid.campaign.quality import suspects
 from sysid.campaign.quality.check import check_quality
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor
+from sysid.road.effective import effective_profiles
 from sysid.road.point_cloud import read_point_cloud
+from sysid.road.road_profile import RoadProfile
 
 ROOT = Path(__file__).parents[2]
 
@@ -355,6 +357,53 @@ def test_a_frame_sensor_at_another_place_is_named() -> None:
         r"'frame5_accel_g' moves as the frame does at x_m = (\S+) m", said(replace(truck(), bump_runs=runs))
     )
     assert float(place) == pytest.approx(14.63, abs=0.3)
+
+
+def quasi_static_rise(station_m: np.ndarray, height_m: float, length_m: float) -> np.ndarray:
+    """Rise of a wheel of 0.5 m, sunk 20 mm, over a plank at constant load: unit spokes on a grid of heights."""
+    phi, rho = np.linspace(-0.9, 0.9, 161)[:, None], np.linspace(0.4, 0.5, 101)
+    sunk = np.arange(-0.044, 0.021, 0.004)
+
+    def force(station: float, rise: float) -> float:
+        under, below = station + rho * np.sin(phi), 0.48 + rise - rho * np.cos(phi)
+        inside = below <= np.where((under > 0.0) & (under < length_m), height_m, 0.0)
+        met = np.where(inside.any(axis=1), rho[inside.argmax(axis=1)], 0.5)
+        return float(np.trapezoid((0.5 - met) ** 0.7 * np.cos(phi[:, 0]), phi[:, 0]))
+
+    level = force(-5.0, 0.0)
+    return np.array([np.interp(-level, [-force(s, -u) for u in sunk[::-1]], -sunk[::-1]) for s in station_m])
+
+
+def test_a_plank_is_as_high_as_it_is_for_wheels_that_bridge_its_edges() -> None:
+    """A wheel that rises as a fan of spokes does over 40 mm x 150 mm, slowly."""
+    along = np.arange(0.0, 0.751, 0.002)
+    plank = RoadProfile("bump", along, np.where((along > 0.3) & (along < 0.45), 0.04, 0.0), 0.0 * along, 0.302, 0.146)
+    stations = np.arange(-0.3, 0.46, 0.02)
+    rise = quasi_static_rise(stations, 0.04, 0.15)
+    assert 0.015 < rise.max() < 0.038
+    run = truck().bump_runs[0]
+    time = np.arange(0.0, 4.0, 0.005)
+    path = np.interp(1.5 * (time - 2.0), stations, rise, left=0.0, right=0.0)
+    values = {"axle_acceleration": np.gradient(np.gradient(path, 0.005), 0.005), "suspension_deflection": 0.0 * path}
+    channels = tuple(
+        replace(c, time_s=time, value=values[c.sensor.kind], censored=np.zeros(time.size, bool))
+        for kind in values
+        for c in run.log.channels
+        if c.sensor.kind == kind and c.sensor.axle == 1
+    )
+    slow = replace(run, log=replace(run.log, channels=channels))
+    axle = replace(truck().vehicle.axles[1], tire_radius_m=0.5)
+    vehicle = replace(truck().vehicle, axles=(truck().vehicle.axles[0], axle, *truck().vehicle.axles[2:]))
+    case = next(iter(truck().load_cases.values()))
+    # With the exponent 1.2 of the flat tire, a deflection of 20 mm is that of a stiffness of 1.2 F / u.
+    load = case.axle_loads_kg[1] * vehicle.gravity_m_s2
+    felt = effective_profiles(
+        replace(vehicle, axles=tuple(replace(a, tire_stiffness_N_per_m=1.2 * load / 0.02) for a in vehicle.axles)),
+        case, case, plank,
+    )[1]  # fmt: skip
+    found = wheels._rise(slow, Passage(1.5, {1: Arrival(2.0, 1, 0.01)}, 1), 1, plank, felt)
+    assert found.height == pytest.approx(1.0, abs=0.15)
+    assert found.left < wheels.HOPELESS
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
