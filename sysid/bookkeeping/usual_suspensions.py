@@ -166,12 +166,17 @@ def hitch_shares(campaign: Campaign) -> dict[int, float]:
 
 
 def _on_hitches(campaign: Campaign) -> Iterator[Derived]:
+    """Shares of weights, which no factor on all masses changes: they are told by sprung masses over axle loads."""
+    vehicle = campaign.vehicle
+    case = next(iter(campaign.load_cases.values()), None)
     for b, share in hitch_shares(campaign).items():
-        name = f"'{shorten(campaign.vehicle.bodies[b].name)}'"
-        for case in campaign.load_cases.values():
-            powers = {
-                Declared("sprung_mass_kg", f"{name} in load case '{shorten(case.name)}'", case.sprung_mass_kg[b]): -1.0
-            }
-            what = f"one and the load on the hitch of {name}, over its weight, is"
-            yield Derived(what, max(1.0 + share, 1e-3), *ON_HITCH, "", powers)
-            break
+        last = max((i for i, axle in enumerate(vehicle.axles) if axle.body == b), default=None)
+        if case is None or last is None:
+            continue
+        name, where = f"'{shorten(vehicle.bodies[b].name)}'", f"in load case '{shorten(case.name)}'"
+        powers = {
+            Declared("sprung_mass_kg", f"{name} {where}", case.sprung_mass_kg[b]): -1.0,
+            Declared("axle_loads_kg", f"'{shorten(vehicle.axles[last].name)}' {where}", case.axle_loads_kg[last]): 1.0,
+        }
+        what = f"one and the load on the hitch of {name}, over its weight, is"
+        yield Derived(what, max(1.0 + share, 1e-3), *ON_HITCH, "", powers)
