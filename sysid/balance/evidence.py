@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from sysid.balance.records import ForceBalance
-from sysid.estimation.fit.fit_result import FitResult
+
+if TYPE_CHECKING:
+    from sysid.estimation.fit.fit_result import FitResult
 
 
 @dataclass(frozen=True)

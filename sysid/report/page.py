@@ -140,6 +140,7 @@ def _calibration(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
         "laws": tables.law_table(results),
         "parts_table": tables.parts_table(results),
         "contacts": tables.contact_table(results),
+        "balance": tables.balance_table(results),
         "loop_pictures": figures.loop_pictures(results, gallery),
         "modes": tables.modes_table(modes),
         "mode_pictures": figures.mode_pictures(modes, gallery),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.balance.evidence import disagreement
 from sysid.campaign.findings import ChannelFinding
 from sysid.display import NOT_DETERMINED, Z90, channel_unit, shown_unit
 from sysid.estimates.suspension_values import AxleEstimates, Quantity
@@ -250,6 +251,25 @@ def parts_table(results: Results) -> Table | None:
 
 def _difference_cell(d: PartDifference) -> str:
     return f"{100.0 * d.difference:+.1f} ± {100.0 * d.sd:.1f}" + (" *" if d.seen else "")
+
+
+def balance_table(results: Results) -> Table | None:
+    """k and c by the force balance with 90 % intervals, beside the fit where there is one; None without a balance."""
+    balance = results.balance
+    if balance is None or not balance.estimates:
+        return None
+    beside = {} if results.fit is None else {d.name: d for d in disagreement(balance, results.fit)}
+    rows = []
+    for e in balance.estimates:
+        factor, unit = shown_unit(e.unit)
+        shown = number(e.value * factor) if e.determined else NOT_DETERMINED
+        row = [e.name, unit, shown, f"{number(e.low * factor)} to {number(e.high * factor)}"]
+        if beside:
+            d = beside.get(e.name)
+            row += [MISSING, MISSING] if d is None else [number(d.fit * factor), f"{d.in_sd:+.1f}"]
+        rows.append(row)
+    head = ("parameter", "unit", "force balance", "90 % interval", *(("fit", "apart [sd]") if beside else ()))
+    return table("k and c from the bodies alone, without road, bump or tire", head, rows, text_columns=2)
 
 
 def contact_table(results: Results) -> Table | None:
