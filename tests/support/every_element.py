@@ -7,7 +7,7 @@ from dataclasses import replace
 import rigid_truck
 from rigid_truck import campaign, empty_run
 
-from sysid.campaign.priors import PriorOverride
+from sysid.campaign.priors import NamedPrior
 from sysid.campaign.records import AntiAliasFilter, Campaign
 from sysid.campaign.vehicle_records import AxleGroup, Equaliser, ForceTable, FrameBending
 
@@ -51,4 +51,4 @@ def campaign_with_every_element(
     driven = [empty_run(f"{k}.csv", 7.0 + k, samples=samples) for k in range(runs)]
     made = campaign(driven, vehicle=vehicle, load_cases=(load,), antialias=antialias)
     # Within what the pass reaches.
-    return replace(made, priors={"helper_travel_2": PriorOverride(0.004, 0.5)})
+    return replace(made, priors={"helper_travel_2": NamedPrior(0.004, 0.5, "m")})
