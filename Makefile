@@ -25,7 +25,7 @@ test-long: $(VENV)/.dev
 # An hour for every reader, two at a time: contents that are guided by the code that they reach. Nine hours of one core.
 fuzz: $(VENV)/.dev
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[fuzz]"
-	$(BIN)/python -m studies.fuzz --output build/fuzz --document docs/robustness.md
+	$(BIN)/python -m studies.fuzz --output build/fuzz --document docs/evidence/robustness.md
 
 # The report in headless Chromium: accessibility (axe-core), console, network, interaction. Needs node and chromium.
 test-browser: $(VENV)/.dev
@@ -45,24 +45,24 @@ wheel: $(VENV)/.dev
 # Other solvers beside ours: they are installed for this alone.
 bench: $(VENV)/.dev
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[bench]"
-	$(BIN)/python -m benchmarks --output build/benchmarks --document docs/benchmarks.md
-	$(BIN)/python -m benchmarks.flops --output build/benchmarks --document docs/benchmarks.md
+	$(BIN)/python -m benchmarks --output build/benchmarks --document docs/evidence/benchmarks.md
+	$(BIN)/python -m benchmarks.flops --output build/benchmarks --document docs/evidence/benchmarks.md
 
 # Whole jobs, cold and warm, in an environment with the program alone; then samplers on the fit of one of them.
 bench-jobs: $(VENV)/.dev
 	$(PYTHON) -m venv build/benchmarks/plain
 	build/benchmarks/plain/bin/pip install --quiet --disable-pip-version-check --editable .
-	$(BIN)/python -m benchmarks.jobs --python build/benchmarks/plain/bin/python --only reference --cold --document docs/benchmarks.md
-	$(BIN)/python -m benchmarks.jobs --python build/benchmarks/plain/bin/python --only reference truck "three axles" --document docs/benchmarks.md
-	$(BIN)/python -m benchmarks.samplers --fit build/benchmarks/jobs/out-truck --document docs/benchmarks.md
+	$(BIN)/python -m benchmarks.jobs --python build/benchmarks/plain/bin/python --only reference --cold --document docs/evidence/benchmarks.md
+	$(BIN)/python -m benchmarks.jobs --python build/benchmarks/plain/bin/python --only reference truck "three axles" --document docs/evidence/benchmarks.md
+	$(BIN)/python -m benchmarks.samplers --fit build/benchmarks/jobs/out-truck --document docs/evidence/benchmarks.md
 
 # Twenty runs of a minute at 1 kHz.
 bench-long: $(VENV)/.dev
-	$(BIN)/python -m benchmarks.jobs --only long --document docs/benchmarks.md
+	$(BIN)/python -m benchmarks.jobs --only long --document docs/evidence/benchmarks.md
 
 # Hours on one core; can be stopped and goes on with what is missing.
 coverage: $(VENV)/.dev
-	$(BIN)/python -m studies.coverage --output build/coverage --document docs/statistics.md
+	$(BIN)/python -m studies.coverage --output build/coverage --document docs/evidence/statistics.md
 
 # Some ten minutes on one core: drops with viscous, dry and quadratic damping.
 plank-drops: $(VENV)/.dev
@@ -74,15 +74,15 @@ first-look: $(VENV)/.dev
 
 # Three hours on one core: plausible faults through the whole command.
 faults: $(VENV)/.dev
-	$(BIN)/python -m studies.faults --count 300 --seed 3024 --output build/faults --document docs/robustness.md
+	$(BIN)/python -m studies.faults --count 300 --seed 3024 --output build/faults --document docs/evidence/robustness.md
 
 # An hour on one core: damaged, foreign and forged result folders.
 damages: $(VENV)/.dev
-	$(BIN)/python -m studies.damages --output build/damages --document docs/robustness.md
+	$(BIN)/python -m studies.damages --output build/damages --document docs/evidence/robustness.md
 
 # An hour on one core: `run --resume` killed at any moment.
 kills: $(VENV)/.dev
-	$(BIN)/python -m studies.kills --output build/kills --document docs/robustness.md
+	$(BIN)/python -m studies.kills --output build/kills --document docs/evidence/robustness.md
 
 # Ten minutes on one core: memory, handles and threads of many calibrations in one process.
 soak: $(VENV)/.dev
@@ -94,16 +94,16 @@ fleets: $(VENV)/.dev
 
 # Two hours on two quiet cores: trucks of equations of their own through `run`; can be stopped and goes on.
 independent: $(VENV)/.dev
-	$(BIN)/python -m studies.independent --seed 21383265 --output build/independent --document docs/statistics.md
+	$(BIN)/python -m studies.independent --seed 21383265 --output build/independent --document docs/evidence/statistics.md
 
 # Ten minutes on one core: mistakes that `check` must name, and healthy campaigns that it must not accuse.
 check-faults: $(VENV)/.dev
-	$(BIN)/python -m studies.check_faults --count 144 --seed 9157 --healthy 0 --effects --output build/check_faults --document docs/check-faults.md
-	$(BIN)/python -m studies.check_faults --count 0 --healthy 40 --seed 3391 --output build/check_faults --document docs/check-faults.md
+	$(BIN)/python -m studies.check_faults --count 144 --seed 9157 --healthy 0 --effects --output build/check_faults --document docs/evidence/check-faults.md
+	$(BIN)/python -m studies.check_faults --count 0 --healthy 40 --seed 3391 --output build/check_faults --document docs/evidence/check-faults.md
 
 # Half an hour on one core: every declared number times a factor.
 check-numbers: $(VENV)/.dev
-	$(BIN)/python -m studies.check_faults.numbers --part kept --output build/check_faults --document docs/check-faults.md
+	$(BIN)/python -m studies.check_faults.numbers --part kept --output build/check_faults --document docs/evidence/check-faults.md
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -1,6 +1,6 @@
 """Measure, write ``benchmarks.json``, the figure and, on request, the page of the documentation.
 
-python -m benchmarks --output build/benchmarks [--quick] [--no-peers] [--document docs/benchmarks.md]
+python -m benchmarks --output build/benchmarks [--quick] [--no-peers] [--document docs/evidence/benchmarks.md]
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="smallest configuration: one run, few rounds, no fit")
     parser.add_argument("--no-peers", action="store_true", help="leave other solvers out")
     parser.add_argument("--rounds", type=int, default=12, help="rounds of the comparison")
-    parser.add_argument("--document", type=Path, help="page to write, for instance docs/benchmarks.md")
+    parser.add_argument("--document", type=Path, help="page to write, for instance docs/evidence/benchmarks.md")
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
     # Matrices are small: more threads only wait for each other.

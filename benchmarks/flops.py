@@ -1,6 +1,6 @@
 """Floating-point operations of a likelihood, their rate, and what the machine can do at most.
 
-``python -m benchmarks.flops [--output build/benchmarks] [--rounds 15] [--document docs/benchmarks.md]``
+``python -m benchmarks.flops [--output build/benchmarks] [--rounds 15] [--document docs/evidence/benchmarks.md]``
 """
 
 from __future__ import annotations

@@ -3,7 +3,8 @@
     python docs/make_accuracy.py [OUTPUT] [CAMPAIGN_FOLDER]
 
 OUTPUT is the folder of a `calibrate.py run` on the campaign (default: output), CAMPAIGN_FOLDER holds `campaign.toml`
-and `truth.toml`: `data` (the default, for docs/accuracy.md) or `examples/linear_truck` (docs/accuracy-linear.md).
+and `truth.toml`: `data` (the default, for docs/evidence/accuracy.md) or `examples/linear_truck` (for accuracy-linear.md
+there).
 """
 
 from __future__ import annotations
@@ -40,14 +41,14 @@ campaign file are exact, so errors of those are not. One campaign says little ab
 the methods were made. c is the secant at 0.5 m/s, mean of rebound and compression.""".splitlines()
 #: Heading and file of the page by the campaign's folder.
 PAGES = {
-    "data": ("Accuracy on the shipped campaign", "accuracy.md"),
-    "linear_truck": ("Accuracy on the linear truck", "accuracy-linear.md"),
+    "data": ("Accuracy on the shipped campaign", "evidence/accuracy.md"),
+    "linear_truck": ("Accuracy on the linear truck", "evidence/accuracy-linear.md"),
 }
 
 READING = """\
 The values are posterior medians, or least squares where nothing was sampled. Honest 90 % intervals hold the truth nine
 times in ten, over many campaigns ([statistics.md](statistics.md)); what is in them stands in
-[results.md](results.md).""".splitlines()
+[results.md](../results.md).""".splitlines()
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> list[str]:

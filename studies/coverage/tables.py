@@ -1,4 +1,4 @@
-"""The section "Coverage" of docs/statistics.md from the replicates that are there."""
+"""The section "Coverage" of docs/evidence/statistics.md from the replicates that are there."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ bins), and 50 and 90 % intervals should hold the truth in 50 and 90 % of the rep
 is above 0.001 over the number of quantities, and if both shares are as near to 50 and 90 % as chance leaves them
 (99.9 % range over all quantities). The tables are written by
 
-    python -m studies.coverage --output build/coverage --document docs/statistics.md
+    python -m studies.coverage --output build/coverage --document docs/evidence/statistics.md
 
 (`make coverage`), which keeps every replicate in a file of its own, goes on where it was stopped, and leaves out
 replicates of other code.""".splitlines()

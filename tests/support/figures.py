@@ -1,4 +1,4 @@
-"""Figures that long tests measure, kept in build/figures/ for the tables of docs/statistics.md."""
+"""Figures that long tests measure, kept in build/figures/ for the tables of docs/evidence/statistics.md."""
 
 from __future__ import annotations
 
