@@ -46,7 +46,7 @@ def test_ensembles_on_a_gaussian_converge_and_pay_for_all_walkers(name: str):
     assert 0.8 < found.sd_ratio[0] <= found.sd_ratio[1] < 1.2
     walkers = int(found.remark.split(" walkers")[0].split()[-1])
     steps = int(found.remark.split(" steps")[0].split()[-1])
-    # Every step proposes for every walker; starts, the measurement of one likelihood and, in ours, the importance sample
+    # Every step proposes for every walker; starts, one likelihood for its time and, in ours, an importance sample
     # come on top.
     ahead = 5 * 64 + (DRAWS + 1 if name == "ours" else 0)
     assert 4 * walkers * steps <= found.likelihoods <= 4 * walkers * (steps + 2) + ahead
