@@ -173,6 +173,7 @@ def test_a_circle_is_seen():
 
 #: What figures and report may use when they run, besides each other and the exports: records, constants and words.
 SHOWN = {
+    "balance.evidence",
     "campaign.findings",
     "csv_cells",
     "display",

@@ -38,13 +38,12 @@ STOPS = "estimated_bump_stops"
 
 def without_departures() -> AbstractContextManager[Any]:
     """Contact, tires and friction just as in the model."""
-    from sysid.estimation.fit import law_evidence
     from sysid.estimation.uncertainty import allowances, departures
 
     def none(roads: Any, *unused: Any) -> departures.Departures:
         return departures.Departures(roads, ())
 
-    return _patches((allowances, "departures", none), (law_evidence, "departures", none))
+    return _patches((allowances, "departures", none))
 
 
 def without_correlation() -> AbstractContextManager[Any]:

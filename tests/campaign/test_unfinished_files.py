@@ -136,7 +136,7 @@ def test_a_check_of_an_unfinished_file_can_be_stopped(campaign: Path, monkeypatc
     def fails(*unused, **more):
         raise raised
 
-    monkeypatch.setattr("sysid.cli.unfinished.check_quality", fails)
+    monkeypatch.setattr("sysid.campaign.quality.check.check_quality", fails)
     folder = _unfinished(campaign)
     outcome = CliRunner().invoke(cli, ["check", str(folder), "--output", str(folder / "none")])
     assert outcome.exit_code == code

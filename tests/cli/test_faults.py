@@ -29,9 +29,10 @@ def campaign(tmp_path: Path) -> Path:
 
 
 def check(campaign: Path, output: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
-    """Exit code and error text of ``calibrate.py check``."""
+    """Exit code and error text of ``calibrate.py check``, without the lines of progress."""
     code = run_stage("check", campaign, output, quick=False, seed=0, max_steps=None, laws=None, resume=False)
-    return code, capsys.readouterr().err.strip()
+    lines = capsys.readouterr().err.strip().splitlines()
+    return code, "\n".join(line for line in lines if not line.endswith(" ..."))
 
 
 def edit(file: Path, old: str, new: str) -> None:

@@ -17,21 +17,19 @@ from studies.factors.leave_out import (
 )
 from studies.factors.table import table
 from sysid.campaign.vehicle_records import MassTolerances
-from sysid.estimation.fit import law_evidence
 from sysid.estimation.uncertainty import allowances
 from sysid.estimation.uncertainty.data_information import DataInformation
 from sysid.estimation.weights import reweighting
 
 
 def test_changes_act_inside_and_end_with_their_block():
-    before = allowances.departures, law_evidence.departures, reweighting._inflation
+    before = allowances.departures, reweighting._inflation
     with without_departures():
         assert allowances.departures(None, ["empty"], [False]).directions == ()
-        assert law_evidence.departures(None, ["empty"], [False]).directions == ()
     with without_correlation():
         found = reweighting._inflation(None, SimpleNamespace(residual=np.zeros((9, 2, 3))), None)
         np.testing.assert_array_equal(found, np.ones((2, 3)))
-    assert (allowances.departures, law_evidence.departures, reweighting._inflation) == before
+    assert (allowances.departures, reweighting._inflation) == before
 
 
 def test_masses_and_readings_are_all_tolerances():
