@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 
 #: Distributions whose import has another name.
-DISTRIBUTION = {"sksundae": "scikit-sundae", "can": "python-can"}
+DISTRIBUTION = {"griffe": "griffelib", "sksundae": "scikit-sundae", "can": "python-can"}
 #: Declared, and never imported by name: who loads them.
 LOADED_BY_OTHERS = {
     "auditwheel": "command",
