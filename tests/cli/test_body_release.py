@@ -37,20 +37,23 @@ def test_every_measured_axle_of_a_lifted_body_is_a_drop(campaign):
     assert [[c.sensor.column for c in d.log.channels] for d in drops[:2]] == [["front_mm"], ["rear_mm"]]
 
 
-@pytest.mark.xfail(reason="the quarter car does not say a c there: to be looked into")
 def test_drops_of_the_half_car(campaign, tmp_path):
     command = [sys.executable, "calibrate.py", "drops", str(campaign), "--output", str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     assert "show dry friction of" in " ".join(done.stdout.split())
     result = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
-    pooled = {d["axle"]: d for d in result["drops"] if d["file"] is None and d["method"] == "corrected"}
-    assert sorted(pooled) == [1, 2]
-    for axle, found in pooled.items():
+    pooled = {(d["axle"], d["method"]): d for d in result["drops"] if d["file"] is None}
+    for axle in (1, 2):
+        found = pooled[axle, "free_decay"]
         assert found["damping_kind"] == "viscous + friction"
-        assert found["stiffness"] == pytest.approx(CAR.stiffness[axle - 1], rel=0.03)
-        assert found["friction_force"] == pytest.approx(CAR.friction[axle - 1], rel=0.15)
-        assert found["damping"] == pytest.approx(CAR.damping[axle - 1], rel=0.4)
+        assert found["stiffness"] == pytest.approx(CAR.stiffness[axle - 1], rel=0.05)
+        assert pooled[axle, "corrected"]["stiffness"] == pytest.approx(CAR.stiffness[axle - 1], rel=0.03)
+        assert found["friction_force"] == pytest.approx(CAR.friction[axle - 1], rel=0.05)
+        assert found["damping"] == pytest.approx(CAR.damping[axle - 1], rel=0.15)
+        # Periods and decrements alone take the friction for damping; their rows say so.
+        assert pooled[axle, "corrected"]["friction_force"] is None
+        assert "against the fitted quarter car" in pooled[axle, "corrected"]["note"]
         # The dynamic index is close to one: each end swings by itself, at a period between those of the two modes.
         shortest, longest = body_periods()
         assert 0.99 * shortest < found["damped_period"] < 1.01 * longest

@@ -34,6 +34,7 @@ from sysid.estimation.uncertainty.departure_scale import departure_columns
 from sysid.estimation.uncertainty.information import optimum_information
 from sysid.estimation.uncertainty.normal_equations import NormalEquations
 from sysid.progress import unwatched
+from sysid.road.road_profile import RoadProfile
 
 PROFILES = {"bump": bump(0.1, 0.9)}
 NOISE = {"suspension_deflection": 2e-4, "axle_acceleration": 0.15, "body_acceleration": 0.05}
@@ -81,22 +82,37 @@ def test_stops_are_found_with_their_travels(found):
             assert by_name[travel].unit == "m"
 
 
-@pytest.mark.xfail(reason="stops and the wider tolerances of guesses: to be looked into")
-def test_stops_much_nearer_than_usual_are_promised(monkeypatch):
-    """At 31 to 44 mm; the runs never get to where stops usually are."""
+def nearer() -> tuple[Campaign, dict[str, RoadProfile], tuple[tuple[float, ...], ...]]:
+    """A truck with stops at 31 to 44 mm, over a bump that takes it nowhere near to where stops usually are."""
     low = {"bump": bump(0.06, 0.9)}
-    jounce_m, rebound_m = (tuple(0.5 * travel for travel in of) for of in (JOUNCE_M, REBOUND_M))
-    data = recorded(True, jounce_m, rebound_m, profiles=low)
+    travels = tuple(tuple(0.5 * travel for travel in of) for of in (JOUNCE_M, REBOUND_M))
+    return recorded(True, *travels, profiles=low), low, travels
+
+
+def test_stops_much_nearer_than_usual_are_promised(monkeypatch):
+    """Those of the drive axles at once; the steer axle's are judged again when these are fitted."""
+    data, low, _ = nearer()
     laws = (frozenset(),) * 3
     optimum = optimise(data, campaign_parameters(data, None), low, OPTIONS, unwatched, plan=first_sight)
     reached = reached_travels(optimum)
     assert set(reached) == {(quantity, axle) for quantity in TRAVELS for axle in range(3)}
     assert max(reached.values()) < 0.078
     rich = (frozenset({STOPS}),) * 3
-    assert promising(data, laws, rich, optimum) == rich
+    assert promising(data, laws, rich, optimum)[1:] == rich[1:]
     # Negative control: tried where stops usually are, they show nothing.
     monkeypatch.setattr(law_screen, "reached_travels", lambda optimum: {})
-    assert promising(data, laws, rich, optimum) != rich
+    assert not any(promising(data, laws, rich, optimum))
+
+
+@pytest.mark.long
+def test_stops_much_nearer_than_usual_are_found():
+    data, low, (jounce_m, rebound_m) = nearer()
+    fit = fit_with_laws(data, None, low, OPTIONS)[0]
+    assert all(STOPS in law for law in fit.laws)
+    by_name = {p.name: p.value for p in fit.parameters}
+    # Steer axle: 0.1 mm off were seen.
+    assert by_name["jounce_1"] == pytest.approx(jounce_m[0], abs=3e-4)
+    assert by_name["rebound_1"] == pytest.approx(rebound_m[0], abs=3e-4)
 
 
 def stand_in(stop_N_per_m: list[float], sd: list[float], monkeypatch) -> Laws:
@@ -349,7 +365,6 @@ def by_departures(optimum, vector) -> np.ndarray:
 
 
 @pytest.mark.parametrize("touched", [0.071], indirect=True)
-@pytest.mark.xfail(reason="stops and the wider tolerances of guesses: to be looked into")
 def test_a_run_that_just_misses_a_stop_does_not_tell_the_error_of_the_scale(touched, monkeypatch):
     """A truck with all masses, loads, springs, dampers and stops larger by the same share moves in the same way."""
     # Under the weights of the noise; those of residuals without the stop hide most of it.
@@ -361,7 +376,7 @@ def test_a_run_that_just_misses_a_stop_does_not_tell_the_error_of_the_scale(touc
     assert known_scale(stuck, corner) == pytest.approx(far, abs=1e-5)
     np.testing.assert_allclose(by_departures(stuck, corner), departures, atol=1e-6 * np.abs(departures).max())
     # Negative controls: steps that cross the corner, with derivatives from both sides.
-    for step, at_most in ((1e-4, far - 0.003), (1e-3, 0.7)):
+    for step, at_most in ((1e-4, far - 0.001), (1e-3, 0.7)):
         monkeypatch.setattr(allowance_columns, "STEP", step)
         assert known_scale(stuck, corner) < at_most
     monkeypatch.setattr(departure_scale, "STEP", 0.01)
