@@ -274,7 +274,7 @@ def document(heading: str, result: dict[str, Any], campaign: dict[str, Any], tru
         "Pooled value over the true one, by method; a dash where no record is usable.",
         "",
         *drop_table(result, truth),
-        "## Wheel loads",
+        "## Axle loads",
         "",
         "Peak vertical tire force over static axle load.",
         "",

@@ -332,7 +332,7 @@ def index(screen: Console, errors: Console, path: Path, output: Path) -> int:
 @_doubtful_option
 @_command
 def report(screen: Console, errors: Console, path: Path, output: Path, with_doubtful: bool) -> int:
-    """One page of all trucks: map by k and c, shrinkage, outliers, wheel loads, quality; links to all reports."""
+    """One page of all trucks: map by k and c, shrinkage, outliers, axle loads, quality; links to all reports."""
     from sysid.fleet.page import write_fleet_page
     from sysid.fleet.status import rows_on_disk
 

@@ -63,7 +63,7 @@ def population_blocks(
         blocks += [p.message, *p.remarks]
     if loads:
         columns = ("pass", "trucks", "peak load ratio", "90 % of trucks", "between trucks")
-        table = TextTable("Wheel loads of a truck that nobody has measured", columns)
+        table = TextTable("Axle loads of a truck that nobody has measured", columns)
         for words, x in zip(pass_words(loads)[:MOST_ROWS], loads[:MOST_ROWS], strict=True):
             table.add_row(
                 f"{x.type}, {words}",

@@ -1,4 +1,4 @@
-"""Wheel loads of a population: what the predictions of its campaigns say of a truck that nobody has measured."""
+"""Axle loads of a population: what the predictions of its campaigns say of a truck that nobody has measured."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def _remarks(trucks: Mapping[_Kind, Mapping[str, _Reading]], unnamed: int) -> It
     if unnamed:
         yield (
             f"results of {unnamed} campaigns are of an earlier version and do not say which bump their predicted "
-            "passes cross: their wheel loads are counted apart, as if all scanned bumps were one; run the fleet again"
+            "passes cross: their axle loads are counted apart, as if all scanned bumps were one; run the fleet again"
         )
     groups: dict[tuple[str, float], list[set[str]]] = {}
     for of, readings in trucks.items():
@@ -145,6 +145,6 @@ def _remarks(trucks: Mapping[_Kind, Mapping[str, _Reading]], unnamed: int) -> It
     for (case, speed), some in sorted(groups.items()):
         if max(map(len, some)) < _LEAST <= len(set[str]().union(*some)):
             yield (
-                f"no three trucks cross the same bump in '{case}' at {speed:g} km/h, so there are no wheel loads of "
+                f"no three trucks cross the same bump in '{case}' at {speed:g} km/h, so there are no axle loads of "
                 "this pass; for trucks of different places predict passes over one bump by its shape"
             )

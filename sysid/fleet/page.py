@@ -266,7 +266,7 @@ def _load_table(loads: Sequence[PopulationLoad]) -> Table | None:
         for words, x in zip(pass_words(loads), loads, strict=True)
     ]
     head = ("pass", "trucks", "peak dynamic load ratio [-]", "between trucks")
-    return table("Wheel loads of a new truck; brackets hold 90 % of trucks", head, rows)
+    return table("Axle loads of a new truck; brackets hold 90 % of trucks", head, rows)
 
 
 def _instrument_table(problems: Sequence[InstrumentProblem], campaigns: int) -> Table | None:

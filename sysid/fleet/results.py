@@ -18,7 +18,7 @@ from sysid.progress import Progress
 
 @dataclass(frozen=True)
 class FleetResults:
-    """Populations of all types, wheel loads, sentences about what to know of them, and the file that was written."""
+    """Populations of all types, axle loads, sentences about what to know of them, and the file that was written."""
 
     fleet: Fleet
     populations: tuple[TypePopulation, ...]

@@ -1,4 +1,4 @@
-"""Which run to drive next, and which sensor to add: what each would bring for k, c and a predicted wheel load.
+"""Which run to drive next, and which sensor to add: what each would bring for k, c and a predicted axle load.
 
 All candidates are judged at the optimum by the information that they would add
 (:mod:`sysid.estimation.uncertainty.information`), with no new data: sd' = sqrt(diag(covariance(H + D))).  A predicted
@@ -68,7 +68,7 @@ def advise(
     kinds = candidate_runs(campaign, speeds_km_h)
     at_hand, new = recording_sensors(state), missing_sensors(campaign, recording_sensors(state))
     candidates = run_information(state, kinds, (*at_hand, *new))
-    progress("gradient of the predicted wheel load", 0.7)
+    progress("gradient of the predicted axle load", 0.7)
     target, gradient = None, None
     over_bumps = [k for k, request in enumerate(campaign.predictions) if request.road is None]
     if over_bumps:

@@ -1,4 +1,4 @@
-"""Figures of predicted passes: wheel load against time as in Figure 9a of the paper, suspension force, speed."""
+"""Figures of predicted passes: axle load against time as in Figure 9a of the paper, suspension force, speed."""
 
 from __future__ import annotations
 

@@ -150,7 +150,7 @@ def _calibration(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
 
 
 def _loads(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
-    """Agreement with the runs and predicted wheel loads."""
+    """Agreement with the runs and predicted axle loads."""
     run_names = _run_names(results)
     return {
         "agreement": _agreement(results, run_names),

@@ -140,7 +140,7 @@ def _wheel_loads(results: Results) -> list[str]:
         high = None if p.peak_ratio_q95 is None else float(p.peak_ratio_q95[axle])
         band = interval(low, high, 2)
         sentences.append(
-            f"At {speed(p.speed_m_s)}\u00a0km/h ({p.load_case}) the largest ratio of a wheel load to the static one is "
+            f"At {speed(p.speed_m_s)}\u00a0km/h ({p.load_case}) the largest ratio of an axle load to the static one is "
             f"{number(float(p.peak_ratio_q50[axle]))}, on axle {axle + 1}"
             + (f" (90\u00a0% interval {band})" if band else "")
             + (": an extrapolation, see the caution." if any(e.axle == axle for e in p.trust) else ".")
@@ -178,12 +178,12 @@ def _todo(results: Results, judgement: Judgement) -> list[str]:
         steps.append(advice or "Run the stage 'advise': it says which further run or sensor would help most.")
     steps += pass_limits.remedies(results)
     if results.fit is not None and results.predictions is None and results.campaign.predictions:
-        steps.append("Run the stage 'predict' for the wheel loads of the passes in the campaign file.")
+        steps.append("Run the stage 'predict' for the axle loads of the passes in the campaign file.")
     if results.status == "converged" and results.posterior is not None and not judgement.forbids:
         passes = results.predictions is not None and results.predictions.passes
         steps.append(
             "Take k and c from parameters.csv"
-            + (" and wheel-load histories from predictions/*.csv" if passes else "")
+            + (" and axle-load histories from predictions/*.csv" if passes else "")
             + "; they are the numbers of this report."
         )
     if advice and not unidentified:

@@ -1,4 +1,4 @@
-"""What limits predicted wheel loads: passes beyond the driven runs, and travel that is not declared."""
+"""What limits predicted axle loads: passes beyond the driven runs, and travel that is not declared."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def half_declared_travel(results: Results) -> list[int]:
 
 
 def cautions(results: Results) -> list[str]:
-    """Why wheel loads may not be those of the truck."""
+    """Why axle loads may not be those of the truck."""
     sentences = []
     passes = () if results.predictions is None else results.predictions.passes
     if beyond := [f"{pass_name(p)}: {_beyond(p)}" for p in passes if p.trust]:
         sentences.append(
-            f"Predicted passes go beyond what the driven runs reached ({'; '.join(beyond)}). There the wheel loads "
+            f"Predicted passes go beyond what the driven runs reached ({'; '.join(beyond)}). There the axle loads "
             "are an extrapolation of the fitted laws."
         )
     # Where the runs reached as far, a pass may still cross another bump, meet an assumed stop or end before rest.

@@ -58,13 +58,7 @@ def bump_from_file(path: Path | InputFile, lateral_m: float = 0.0, name: str | N
     DataRejectedError
         If the file cannot be read, or holds no bump; one sentence with the file's name.
     """
-    label = shorten(path.name if name is None else name)
-    source = _content(path, label)
-    if source.suffix.lower() == ".crg" or b"$KD_DEFINITION" in source.data[:_HEAD_BYTES].upper():
-        station, height = _long_section(source, label, lateral_m)
-        label += f", v = {lateral_m:g} m"
-    else:
-        station, height = _columns(source, label)
+    label, station, height = _heights(path, lateral_m, name)
     if station.size > limits.PROFILE_STATIONS or np.ptp(station) > limits.PROFILE_LENGTH_M:
         raise DataRejectedError(
             f"{label}: the profile has {station.size} stations on {np.ptp(station):g} m, more than the "
@@ -97,13 +91,7 @@ def road_from_file(
     DataRejectedError
         If the file cannot be read, or holds no road; one sentence with the file's name.
     """
-    label = shorten(path.name if name is None else name)
-    source = _content(path, label)
-    if source.suffix.lower() == ".crg" or b"$KD_DEFINITION" in source.data[:_HEAD_BYTES].upper():
-        station, height = _long_section(source, label, lateral_m)
-        label += f", v = {lateral_m:g} m"
-    else:
-        station, height = _columns(source, label)
+    label, station, height = _heights(path, lateral_m, name)
     backward = np.flatnonzero(~(np.diff(station) > 0.0))
     if station.size < 3 or backward.size:
         where = f" (row {backward[0] + 2} of the data)" if backward.size else ""
@@ -147,6 +135,16 @@ def _without_grade(station_m: np.ndarray, height_m: np.ndarray) -> np.ndarray:
     reach = min(int(4 * width), free.size - 1)
     longer = np.concatenate([-free[reach:0:-1], free, -free[-2 : -reach - 2 : -1]])
     return np.asarray(free - gaussian_filter1d(longer, width, truncate=4.0)[reach : reach + free.size])
+
+
+def _heights(path: Path | InputFile, lateral_m: float, name: str | None) -> tuple[str, np.ndarray, np.ndarray]:
+    """Name for people, stations and heights (n,) [m] of a profile in text, or along a line of an OpenCRG surface."""
+    label = shorten(path.name if name is None else name)
+    source = _content(path, label)
+    if source.suffix.lower() == ".crg" or b"$KD_DEFINITION" in source.data[:_HEAD_BYTES].upper():
+        station, height = _long_section(source, label, lateral_m)
+        return f"{label}, v = {lateral_m:g} m", station, height
+    return label, *_columns(source, label)
 
 
 def _content(path: Path | InputFile, label: str) -> InputFile:

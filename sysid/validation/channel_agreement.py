@@ -54,7 +54,7 @@ class ValidationLimits:
     """Limits that an acceptable channel keeps.
 
     The default for the rating is where ISO/TS 18571 begins to call an agreement good. Those of Sprague and Geers are
-    from the RSVVP procedure (NCHRP Web-Only Document 179). That of the peak is what the literature on wheel loads calls
+    from the RSVVP procedure (NCHRP Web-Only Document 179). That of the peak is what the literature on axle loads calls
     good. That of the NRMSE is our choice.
     """
 

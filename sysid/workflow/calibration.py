@@ -210,7 +210,7 @@ class Calibration:
         return self.result(stages.FIT).fit
 
     def advise(self, speeds_km_h: Sequence[float] = CANDIDATE_KM_H) -> Advice:
-        """Benefit for k, c and a wheel load of one further run at each speed, or of one with one more sensor."""
+        """Benefit for k, c and an axle load of one further run at each speed, or of one with one more sensor."""
         return self.result(stages.ADVISE, {"candidate_speeds": tuple(speeds_km_h)})
 
     def profile(self, names: Sequence[str]) -> tuple[ProfileLikelihood, ...]:
@@ -272,7 +272,7 @@ class Calibration:
         return self.aside(stages.PREDICT, {"speeds": speeds, "seed": self.settings.seed, **given})
 
     def predict_passes(self, requests: Sequence[PredictionRequest]) -> Predictions:
-        """Wheel loads of other passes than those of the campaign file, from the posterior if there is one.
+        """Axle loads of other passes than those of the campaign file, from the posterior if there is one.
 
         They are no part of the results; :func:`sysid.export.tables.write_passes` writes them.
         """

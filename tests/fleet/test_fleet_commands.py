@@ -91,7 +91,7 @@ def test_population_and_report_and_index(fleet_folders: tuple[Path, Path]) -> No
     assert result.exit_code == 0, result.output
     assert "short truck: 6 trucks, 12 campaigns" in result.stdout
     assert "T3: c_2 is 0." in result.stdout
-    assert "Wheel loads of a truck that nobody has measured" in result.stdout
+    assert "Axle loads of a truck that nobody has measured" in result.stdout
     result = CliRunner().invoke(cli, ["fleet", "report", folder, "--output", output])
     assert result.exit_code == 0, result.output
     assert (fleet_folders[1] / "fleet.html").stat().st_size > 20_000

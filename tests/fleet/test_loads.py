@@ -1,4 +1,4 @@
-"""Wheel loads of a population: only passes over the same bump are put together."""
+"""Axle loads of a population: only passes over the same bump are put together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Predicted wheel loads: conventions of time, static passes, bands, and what is said about extrapolation."""
+"""Predicted axle loads: conventions of time, static passes, bands, and what is said about extrapolation."""
 
 from __future__ import annotations
 
