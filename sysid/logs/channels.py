@@ -10,6 +10,16 @@ import numpy as np
 from sysid.logs.input_file import InputFile
 from sysid.logs.names import normal_name
 
+#: Numbers beyond it are damage: no sensor reads them, and squares of them are infinite.
+LARGEST = 1e100
+
+
+def within_range(numbers: np.ndarray) -> np.ndarray:
+    """Numbers (n,), those of at least 1e100 as NaN; the same array where there are none."""
+    with np.errstate(invalid="ignore"):
+        damage = np.abs(numbers) >= LARGEST
+    return np.where(damage, np.nan, numbers) if damage.any() else numbers
+
 
 @dataclass(frozen=True)
 class Clock:

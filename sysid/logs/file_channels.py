@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.logs.channels import LARGEST
 from sysid.logs.names import decoded, normal_name
 from sysid.logs.time_columns import find_time, time_unit
 from sysid.wording import shorten
@@ -25,8 +26,6 @@ _OTHER_AXIS = re.compile(
     r"number|sample|cycle|temperature|pressure|strain|force",
     re.IGNORECASE,
 )
-#: Numbers beyond it are damage: no sensor reads them, and squares of them are infinite.
-LARGEST = 1e100
 #: Names that a sentence lists.
 LISTED = 4
 

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from sysid.logs.channels import within_range
 from sysid.logs.clock_columns import SeveralTimesError, TimeColumn, nameless_time, same_time, time_of_channel
 from sysid.logs.file_channels import (
-    LARGEST,
     LISTED,
     FileChannel,
     RefusedError,
@@ -68,8 +68,7 @@ class FileClocks:
         return clock
 
     def _clock(self, stamps_s: np.ndarray, name: str, first_row: int) -> int:
-        if not np.all(np.abs(stamps_s) < LARGEST):
-            stamps_s = np.where(np.abs(stamps_s) < LARGEST, stamps_s, np.nan)
+        stamps_s = within_range(stamps_s)
         # Of many clocks only those that agree at three places are compared.
         looked_at = stamps_s[[0, stamps_s.size // 2, -1]].tobytes() if stamps_s.size else b""
         alike = self._alike[stamps_s.size, looked_at]

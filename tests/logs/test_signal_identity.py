@@ -249,10 +249,13 @@ def test_samples_that_mdf_marks_as_invalid_are_missing() -> None:
     assert all("60 of 380 samples" in m for m in log.messages)
 
 
-def test_numbers_that_no_sensor_reads_are_missing() -> None:
+@pytest.mark.parametrize("text", [False, True], ids=["mdf", "text"])
+def test_numbers_that_no_sensor_reads_are_missing(text: bool) -> None:
     values, stamps = pulse(FIRST_S), FIRST_S.copy()
-    values[7], stamps[9] = 1e308, 1e305
-    (found,) = channels("log.mf4", mdf((stamps, {"q_mm": values}, "A")), "q_mm")
+    values[7], stamps[9] = -1e308, 1e305
+    rows = "".join(f"{t},{q}\n" for t, q in zip(stamps.tolist(), values.tolist(), strict=True))
+    content = ("time_s,q_mm\n" + rows).encode() if text else mdf((stamps, {"q_mm": values}, "A"))
+    (found,) = channels("log.csv" if text else "log.mf4", content, "q_mm")
     assert np.flatnonzero(np.isnan(found.values)).tolist() == [7]
     assert np.flatnonzero(np.isnan(found.clock.time_s)).tolist() == [9]
 
