@@ -38,7 +38,7 @@ LEVELS = (
     {"helper_process"},
     {"logs"},
     {"campaign"},
-    {"sdof", "road"},
+    {"bridge", "sdof", "road"},
     {"bookkeeping"},
     {"first_look", "vehicle_model"},
     {"estimation"},

@@ -1,0 +1,14 @@
+from .beam import ContinuousBeam as ContinuousBeam
+from .code_vehicles import LOAD_MODELS as LOAD_MODELS
+from .code_vehicles import LoadModel as LoadModel
+from .code_vehicles import model_effect as model_effect
+from .code_vehicles import train_effect as train_effect
+from .moving import Crossing as Crossing
+from .moving import coupled as coupled
+from .moving import deck_motion as deck_motion
+from .moving import dynamic_effects as dynamic_effects
+from .moving import effect_times as effect_times
+from .moving import static_effects as static_effects
+from .structure import Bridge as Bridge
+from .structure import BridgeModes as BridgeModes
+from .structure import InfluenceLine as InfluenceLine

@@ -1,0 +1,190 @@
+"""Forces that move over a bridge: what they do along influence lines, and how the modes of the bridge answer them.
+
+Mode n with mass M, angular frequency w and damping ratio z has, under forces F_i at stations s_i, the amplitude q with
+
+    q'' + 2 z w q' + w^2 q = p / M,    p = sum_i phi(s_i) F_i.
+
+Forces are straight between samples and mode shapes are followed between them, so that constant forces leave no error
+of the step.  A load effect is that of all forces along its influence line I, exact, and what inertia and damping of the
+modes add to it (mode acceleration):
+
+    E = sum_i I(s_i) F_i + sum_n e_n (q_n - p_n / (M_n w_n^2)),
+
+with e_n the effect of a unit of mode n.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+from sysid.arrays import SamplesByAxlesBySets
+from sysid.bridge.structure import Bridge, BridgeModes
+from sysid.errors import DataRejectedError
+
+#: Points of the quadrature of Gauss in a step.
+_POINTS = 6
+#: Deck and vehicle are iterated until forces change by less than this share of the mean static load, and how often.
+TOLERANCE = 2e-4
+MOST_ROUNDS = 40
+
+
+class Crossing(NamedTuple):
+    """How axles move over a bridge: `place_m` (T, na) of every axle from its start, every `interval_s`."""
+
+    place_m: np.ndarray
+    interval_s: float
+
+
+@dataclass(frozen=True)
+class DeckMotion:
+    """Answer of the modes to moving forces: weights of a step for the forces at its ends, and the shapes under axles.
+
+    `first`, `last` (T - 1, 2 n, na): real parts, then imaginary ones; `decay` (n,) complex; `shape` (T, na, n).
+    """
+
+    modes: BridgeModes
+    first: np.ndarray
+    last: np.ndarray
+    decay: np.ndarray
+    shape: np.ndarray
+
+    def amplitudes(self, force_N: SamplesByAxlesBySets) -> np.ndarray:
+        """Amplitudes q (T, n, S) [m] under forces (T, na, S) [N], from rest."""
+        count = self.decay.size
+        push = np.matmul(self.first, force_N[:-1]) + np.matmul(self.last, force_N[1:])
+        damped = self.modes.angular_frequency * np.sqrt(1.0 - self.modes.damping_ratio**2)
+        found = np.zeros((len(force_N), count, force_N.shape[2]))
+        for n in range(count):
+            step = push[:, n] + 1j * push[:, count + n]
+            found[1:, n] = lfilter([1.0], [1.0, -self.decay[n]], step, axis=0).imag / damped[n]
+        return found
+
+    def under_axles(self, amplitude_m: np.ndarray) -> SamplesByAxlesBySets:
+        """Deflection of the deck under every axle (T, na, S) [m], positive downward."""
+        return np.asarray(np.matmul(self.shape, amplitude_m))
+
+
+def deck_motion(modes: BridgeModes, crossing: Crossing) -> DeckMotion:
+    """The modes' answer to axles that move as in a crossing.
+
+    With lambda = -z w + i w_d, the amplitude is the imaginary part of y / w_d, where y' = lambda y + p / M.
+    """
+    place, h = crossing
+    omega, ratio = modes.angular_frequency, modes.damping_ratio
+    exponent = -ratio * omega + 1j * omega * np.sqrt(1.0 - ratio**2)
+    point, weight = np.polynomial.legendre.leggauss(_POINTS)
+    first, last = (np.zeros((len(place) - 1, place.shape[1], omega.size), complex) for _ in range(2))
+    for share, part in zip(0.5 * (1.0 + point), 0.5 * weight, strict=True):
+        shape = modes.shape.at(place[:-1] + share * (place[1:] - place[:-1]))
+        answer = part * h * np.exp(exponent * h * (1.0 - share)) / modes.modal_mass_kg * shape
+        first += (1.0 - share) * answer
+        last += share * answer
+
+    def rows(weights: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(np.moveaxis(np.concatenate([weights.real, weights.imag], axis=2), 1, 2))
+
+    return DeckMotion(modes, rows(first), rows(last), np.exp(exponent * h), modes.shape.at(place))
+
+
+class Coupled(NamedTuple):
+    """Forces (T, na, S) [N] and amplitudes of the modes (T, n, S) [m] of vehicle and bridge together.
+
+    `rounds` is how often forces and deck were computed in turn.
+    """
+
+    force_N: SamplesByAxlesBySets
+    amplitude_m: np.ndarray
+    rounds: int
+
+
+def coupled(
+    motion: DeckMotion, forces: Callable[[SamplesByAxlesBySets], SamplesByAxlesBySets], static_N: float
+) -> Coupled:
+    """Vehicle and bridge as one system: forces and deck motion are computed in turn until neither changes.
+
+    Each is integrated over the whole crossing with the other's last history.  The deck answers a force by an
+    integral over the past, so that the rounds converge faster than any geometric series whatever the laws of the
+    vehicle are (waveform relaxation; E. Lelarasmee, A. Ruehli, A. Sangiovanni-Vincentelli, IEEE Transactions on
+    Computer-Aided Design 1, 1982), and what they converge to is the coupled solution.
+
+    Parameters
+    ----------
+    forces : axle loads (T, na, S) [N] for a deflection of the road under every axle (T, na, S) [m], positive downward.
+    static_N : mean static axle load [N], for the tolerance.
+
+    Raises
+    ------
+    DataRejectedError
+        If forces still change after :data:`MOST_ROUNDS` rounds.
+    """
+    shape = motion.shape.shape[:2]
+    force = forces(np.zeros((*shape, 1)))
+    for number in range(1, MOST_ROUNDS + 1):
+        amplitude = motion.amplitudes(force)
+        new = forces(motion.under_axles(amplitude))
+        change = float(np.abs(new - force).max(initial=0.0))
+        force = new
+        if change <= TOLERANCE * static_N:
+            return Coupled(force, motion.amplitudes(force), number)
+    raise DataRejectedError(
+        f"Vehicle and bridge do not come to one motion: axle loads still change by {1e-3 * change:.3g} kN after "
+        f"{MOST_ROUNDS} rounds; check mass and stiffness of the bridge."
+    )
+
+
+class EffectTimes(NamedTuple):
+    """Instants at which load effects are looked at: the samples, and both sides of an axle at a jump of a line.
+
+    `sample` (m,) is the sample before each instant and `share` (m,) how far it is on the way to the next; `lines` (E,
+    m, na) are the influence lines under the axles.
+    """
+
+    sample: np.ndarray
+    share: np.ndarray
+    lines: np.ndarray
+
+    def between(self, history: np.ndarray) -> np.ndarray:
+        """A history (T, ...) at these instants, straight between samples."""
+        share = self.share.reshape((-1,) + (1,) * (history.ndim - 1))
+        after = np.minimum(self.sample + 1, len(history) - 1)
+        return np.asarray((1.0 - share) * history[self.sample] + share * history[after])
+
+
+def effect_times(bridge: Bridge, crossing: Crossing) -> EffectTimes:
+    """Instants and influence lines of a crossing."""
+    place = crossing.place_m
+    number = np.arange(len(place), dtype=float)
+    instants = [number]
+    for jump in {line.jump_m for line in bridge.lines if line.jump_m is not None}:
+        for axle in place.T:
+            if np.any(np.diff(axle) <= 0.0) or not axle[0] < jump < axle[-1]:
+                continue
+            at = float(np.interp(jump, axle, number))
+            instants.append(np.array([at - 1e-7, at + 1e-7]))
+    instant = np.clip(np.sort(np.concatenate(instants)), 0.0, number[-1])
+    sample = np.minimum(instant.astype(int), len(place) - 2)
+    times = EffectTimes(sample, instant - sample, np.empty(0))
+    there = times.between(place)
+    return times._replace(lines=np.stack([line.curve.at(there) for line in bridge.lines]))
+
+
+def static_effects(times: EffectTimes, force_N: SamplesByAxlesBySets) -> np.ndarray:
+    """Load effects (E, m, S) of forces along the influence lines: (T, na, S), or (1, na, S) of constant ones [N]."""
+    force = force_N if len(force_N) == 1 else times.between(force_N)
+    return np.moveaxis(np.matmul(np.moveaxis(times.lines, 0, 1), force), 1, 0)
+
+
+def dynamic_effects(
+    times: EffectTimes, motion: DeckMotion, force_N: SamplesByAxlesBySets, amplitude_m: np.ndarray
+) -> np.ndarray:
+    """Load effects (E, m, S) of moving forces (T, na, S) [N] with the motion (T, n, S) [m] of the bridge."""
+    modes = motion.modes
+    compliance = 1.0 / (modes.modal_mass_kg * modes.angular_frequency**2)
+    at_rest = compliance[:, None] * np.matmul(np.swapaxes(motion.shape, 1, 2), force_N)
+    beyond = times.between(amplitude_m - at_rest)
+    return np.asarray(static_effects(times, force_N) + np.moveaxis(np.matmul(modes.effects, beyond), 1, 0))
