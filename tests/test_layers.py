@@ -77,6 +77,7 @@ NO_ROOM = {
         "statics",
         "units",
         "vehicle_records",
+        "wheel_places",
     }
 }
 

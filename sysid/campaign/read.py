@@ -34,6 +34,7 @@ from sysid.campaign.records import (
 )
 from sysid.campaign.requests import check_passes
 from sysid.campaign.units import speed_m_s
+from sysid.campaign.wheel_places import tires_across
 from sysid.errors import CampaignError
 from sysid.wording import shorten
 
@@ -85,7 +86,7 @@ def read_campaign(
     content, file, tables, vehicle = declared.content, declared.file, declared.tables, declared.vehicle
     files = NamedFiles(file, tables.acquisition.sample_interval_s, {file.name: content.sha256}, planned)
     reader = _TestReader(file, tables, vehicle, files)
-    scans = read_bumps(tables.scan, files, point_cloud_reader, profile_reader)
+    scans = read_bumps(tables.scan, files, point_cloud_reader, profile_reader, tires_across(vehicle.vehicle))
     drops, (runs, clocks) = reader.plank_drops(), reader.bump_runs(scans)
     drives = reader.road_drives()
     acquisition = tables.acquisition
@@ -413,7 +414,8 @@ def _sensor(
         axle=axle,
         body=body,
         x_m=x_m,
-        side=table.side,
+        side=table.side or (None if not table.y_m else "left" if table.y_m > 0.0 else "right"),
+        y_m=table.y_m,
         sign=table.sign,
         scale=table.scale,
         area_m2=table.area_m2,

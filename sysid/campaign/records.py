@@ -5,6 +5,7 @@ Axes: x rearward from axle 1, z up, pitch positive nose-up (right-handed about t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -73,6 +74,7 @@ class Sensor:
     `full_scale` is the range (+-) in SI units, None if undeclared; `unit` is the unit in the file, after readings are
     multiplied by `scale` and `sign`.  For plank drops `axle`, `body` and `x_m` are filled in with the axle under test.
     `logger`: name of its logger, empty for the first one; `source`: column in its files, empty for `column`.
+    `side`, and `y_m` from the middle of the truck, positive to the left; None where not declared.
     `area_m2`: effective area of the bellows of an axle whose pressure is measured [m2], None if undeclared.
     """
 
@@ -89,6 +91,7 @@ class Sensor:
     logger: str = ""
     source: str = ""
     area_m2: float | None = None
+    y_m: float | None = None
 
     @property
     def dimension(self) -> Dimension:
@@ -214,8 +217,11 @@ class RoadDrive:
 class Scan:
     """Laser point cloud of one bump, or heights along the road that were measured by other means.
 
-    `points_m` (n, 3), direction of travel counter-clockwise from +x [rad]. With heights along the road, `levelled`,
-    there are no points.
+    - `points_m` (n, 3), direction of travel counter-clockwise from +x [rad], known within `heading_within_rad`;
+    - `tires_m`: distances of the tires of one side from the middle of the truck, which passes `lateral_m` to the left
+      of the middle of the scan; none where the vehicle is not known.
+
+    With heights along the road, `levelled`, there are no points.
     """
 
     name: str
@@ -223,6 +229,9 @@ class Scan:
     heading_rad: float
     points_m: np.ndarray
     levelled: BumpShape | None = None
+    heading_within_rad: float = math.radians(0.5)
+    lateral_m: float = 0.0
+    tires_m: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,8 @@ class Axle:
     `body` is the index of the body it carries.  `load_dependent` says whether the stiffness has one value per load case
     (air springs) or one for all (leaf springs).  `tire_stiffness_N_per_m` is the nominal one at the pressure that the
     tires had in the tests, carried over from `tire_stiffness_pressure_Pa` where both pressures are declared.
+    `track_m`, `dual_spacing_m`, `spring_track_m` and `damper_track_m` are distances across the axle, None where not
+    declared (:mod:`sysid.campaign.wheel_places` has usual ones).
     `priors` maps a quantity (``stiffness``, ``damping``, ``tire_stiffness``, ``tire_damping``) to the user's own prior.
     """
 
@@ -58,6 +60,10 @@ class Axle:
     jounce_travel_m: float | None = None
     rebound_travel_m: float | None = None
     leaf: LeafDimensions | None = None
+    track_m: float | None = None
+    dual_spacing_m: float | None = None
+    spring_track_m: float | None = None
+    damper_track_m: float | None = None
     priors: Mapping[str, PriorOverride] = field(default_factory=dict)
 
     @property

@@ -35,12 +35,28 @@ class ProfileIdentity:
 
 
 @dataclass(frozen=True)
+class SideProfiles:
+    """Heights (n,) above the road plane [m] under the left and the right wheels, at the stations of their profile.
+
+    Both are those of wheels `at_m` from the middle of the truck [m]. The bump is turned by `skew_rad` against square to
+    the travel, positive where the left wheels meet it first: a wheel dy [m] further to the left meets everything
+    dy tan(skew) earlier.
+    """
+
+    left_m: np.ndarray
+    right_m: np.ndarray
+    at_m: float
+    skew_rad: float
+
+
+@dataclass(frozen=True)
 class RoadProfile(Tabular):
     """Smooth profile of one bump along the direction of travel, zero road outside.
 
     `station_m` (n,) uniformly spaced, starting before the bump at 0; `height_m` (n,) above the fitted road plane, zero
     at both ends; `height_sd_m` (n,) its own standard error.  `start_m` is the first station above 1 mm, the origin of
-    every start offset; `length_m` the distance to the last one.
+    every start offset; `length_m` the distance to the last one.  `sides` under the wheels of either side, None where
+    nobody measured them apart.
     """
 
     name: str
@@ -49,6 +65,7 @@ class RoadProfile(Tabular):
     height_sd_m: np.ndarray
     start_m: float
     length_m: float
+    sides: SideProfiles | None = None
 
     @property
     def identity(self) -> ProfileIdentity:

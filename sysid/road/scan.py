@@ -16,6 +16,7 @@ from sysid.road.road_frame import RoadFrame, level_frame
 from sysid.road.road_profile import RoadProfile, ScanAnalysis
 from sysid.road.scan_checks import HEIGHT_M, UNUSUAL_HEIGHT_M, checked_points, crest_angle, unit_hint
 from sysid.road.shapes import make_profile
+from sysid.road.side_profiles import WheelTracks, profile_of_tracks
 from sysid.road.strip_profile import StripFit, StripProfile, fit_strip, settle_ends
 from sysid.road.wheel_track import (
     Strip,
@@ -44,8 +45,9 @@ class ScanOptions:
     counting alike; with it, over a strip about `strip_centre_m` (to the left of the scan's middle line).  With
     `track_width_m` it is the mean of two such strips (half width 0.3 m if None), half a track width to either side of
     that centre.
-    `heading_tolerance_rad` is how well the declared heading is known: a crest line that is off by less turns the
-    heading, one that is off by more is a skew bump and reported, one beyond `heading_rejected_rad` is rejected.
+    A scan that knows the tires of the truck is taken along their tracks, unless a strip is requested.  A crest line
+    that is off by less than the scan's `heading_within_rad` turns the heading, one that is off by more is a skew bump
+    and reported, one beyond `heading_rejected_rad` is rejected.
     `strip_points` and `cloud_points` are kept for figures.
     """
 
@@ -55,11 +57,15 @@ class ScanOptions:
     strip_half_width_m: float | None = None
     track_width_m: float | None = None
     knot_spacing_m: float = 0.005
-    heading_tolerance_rad: float = float(np.radians(3.0))
     heading_rejected_rad: float = float(np.radians(20.0))
     minimum_points: int = 200
     strip_points: int = 4000
     cloud_points: int = 6000
+
+    @property
+    def requested(self) -> bool:
+        """Whether the profile is that of a requested strip."""
+        return self.strip_half_width_m is not None or self.track_width_m is not None
 
     def __post_init__(self) -> None:
         for name in ("station_step_m", "flat_m", "knot_spacing_m", "strip_half_width_m", "track_width_m"):
@@ -86,7 +92,8 @@ def analyse_scan(scan: Scan, *, options: ScanOptions | None = None) -> ScanAnaly
 
     The plane is found by a search that disfavours planes with points below them and refined on the flat road around the
     bump; heights are measured perpendicular to it. The heading is squared to the bump's crest line where the two differ
-    by less than the tolerance of the declared heading; beyond it the profile is the mean over the tracks of the strip.
+    by less than the tolerance of the declared heading. The profile is the mean over the tires of the truck, and the
+    profile under either side stands beside it; where tires are not known or not scanned it is the mean over the width.
     The profile is the penalised spline of :mod:`sysid.road.penalised_spline`, exactly zero outside the bump. Its
     standard error includes the noise of the points, the error of the plane, the waviness of the flat road, the
     uncertain ends of the bump and differences between bands. `scan.points_m` (n, 3) [m]; the result is in metres and
@@ -188,8 +195,7 @@ def _strip_of(points: np.ndarray, frame: RoadFrame, scan: Scan, options: ScanOpt
 
 def _trimmed(strip: Strip, bumps: tuple[Stretch, ...], options: ScanOptions) -> Strip:
     # A requested strip is used as it is.
-    chosen = options.strip_half_width_m is not None or options.track_width_m is not None
-    return strip if chosen else without_bare_bands(strip, bumps)
+    return strip if options.requested else without_bare_bands(strip, bumps)
 
 
 def _flat_road(along: np.ndarray, stretches: tuple[Stretch, ...]) -> np.ndarray:
@@ -218,9 +224,13 @@ def _result(
 ) -> ScanAnalysis:
     strip, step = work.strip, options.station_step_m
     turned = work.frame.heading_rad - scan.heading_rad
-    skew = turned if abs(turned) > options.heading_tolerance_rad else 0.0
+    skew = turned if abs(turned) > scan.heading_within_rad else 0.0
     first, height, variance, centre = mean.start_m, mean.height_m, mean.variance_m2, 0.0
-    if skew:
+    tracks = None if options.requested else _tracks(scan, options, points, work, fit, mean, skew)
+    if tracks is not None:
+        first, height, variance = tracks.first_m, tracks.height_m, tracks.variance_m2
+        centre = tracks.middle_m
+    elif skew:
         centre = sum(track_range(strip, mean, skew)) / 2
         first, height, variance = mean_over_tracks(mean, strip, skew, step)
     flat = int(np.ceil(options.flat_m / step - 1e-9))
@@ -233,6 +243,9 @@ def _result(
         height_sd_m=np.sqrt(np.pad(variance, flat) + plane_sd**2),
         name=scan.name,
     )
+    if tracks is not None:
+        left, right = (np.pad(side, flat) for side in (tracks.sides.left_m, tracks.sides.right_m))
+        profile = replace(profile, sides=replace(tracks.sides, left_m=left, right_m=right))
     thin = slice(None, None, max(1, strip.along_m.size // options.strip_points))
     cloud = points[:: max(1, points.shape[0] // options.cloud_points)]
     along, across, above = work.frame.road_coordinates(cloud)
@@ -252,12 +265,46 @@ def _result(
         cloud_along_m=cloud_along - origin,
         cloud_across_m=cloud_across,
         cloud_height_m=above,
-        messages=_messages(scan, turned, skew, work, fit, mean, profile),
+        messages=_messages(scan, turned, skew, work, fit, mean, profile, options.requested),
+    )
+
+
+def _tracks(
+    scan: Scan,
+    options: ScanOptions,
+    points: np.ndarray,
+    work: _Work,
+    fit: StripFit,
+    mean: StripProfile,
+    skew: float,
+) -> WheelTracks | None:
+    """The profile under the tires; None where they are not known or the scan does not show it."""
+    if not scan.tires_m:
+        return None
+    strip = _strip_of(points, work.frame, scan, options)
+    return profile_of_tracks(
+        strip,
+        _flat_road(strip.along_m, (*work.bumps, *work.rises)),
+        fit,
+        mean,
+        tires_m=scan.tires_m,
+        middle_m=scan.lateral_m,
+        skew_rad=skew,
+        step_m=options.station_step_m,
+        knot_spacing_m=options.knot_spacing_m,
+        least_points=options.minimum_points,
     )
 
 
 def _messages(
-    scan: Scan, turned: float, skew: float, work: _Work, fit: StripFit, mean: StripProfile, profile: RoadProfile
+    scan: Scan,
+    turned: float,
+    skew: float,
+    work: _Work,
+    fit: StripFit,
+    mean: StripProfile,
+    profile: RoadProfile,
+    requested: bool,
 ) -> tuple[str, ...]:
     height = float(profile.height_m.max())
     if height > HEIGHT_M[1]:
@@ -269,8 +316,10 @@ def _messages(
     if skew:
         sentences.append(
             f"The crest line of the bump is {abs(np.degrees(turned)):.1f} degrees off the perpendicular to the "
-            "heading; the profile is the mean of the tracks that meet it one after the other. If the bump lies square "
-            f"to the lane, set heading_deg to {np.degrees(scan.heading_rad + turned) % 360:.1f}."
+            f"heading: the {'left' if skew > 0.0 else 'right'} wheels meet it first. The profile is the mean of "
+            f"{'the tires' if profile.sides else 'all tracks'}. If it was crossed square, set heading_deg to "
+            f"{np.degrees(scan.heading_rad + turned) % 360:.1f}; if the direction of travel is less well known, widen "
+            "heading_within_deg."
         )
     elif abs(np.degrees(turned)) > 0.5:
         sentences.append(
@@ -298,9 +347,14 @@ def _messages(
         )
     if fit.lateral_sd_m > max(0.002, 0.03 * height):
         sentences.append(
-            f"The height of the bump differs across the scanned width by {1e3 * fit.lateral_sd_m:.1f} mm "
-            "(standard deviation); the profile is the mean."
+            f"The height of the bump differs across the scanned width by {1e3 * fit.lateral_sd_m:.1f} mm (standard "
+            f"deviation); the profile is {'that under the tires' if profile.sides else 'the mean over the width'}."
         )
+        if scan.tires_m and not profile.sides and not requested:
+            sentences.append(
+                f"The scan does not show the whole bump under tires up to {max(scan.tires_m):.2f} m to either side of "
+                "its middle: scan both wheel tracks, or give track_m of the axles and lateral_m of the scan."
+            )
     if mean.largest_gap_m > 0.05:
         sentences.append(
             f"No point lies on {1e2 * mean.largest_gap_m:.0f} cm of the bump (shadow of the laser?); "

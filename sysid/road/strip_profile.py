@@ -37,7 +37,8 @@ class StripFit:
     - `inflation` (>= 1) is the variance of patch means over what independent noise predicts;
     - `waviness_sd_m`: departure of the strip's mean from the plane on the flat road, without noise; the profile under
       the bump is not known better than this;
-    - `lateral_sd_m`: how much the bump's height differs between `bands` bands, beyond the differences on the flat road.
+    - `lateral_sd_m`: how much the bump's height differs between `bands` bands, beyond the differences on the flat road,
+      and `texture_sd_m`: these differences.
 
     `crest_turn_rad` is the turn of the heading that squares it to the crest line; `outliers` counts rejected points.
     """
@@ -52,6 +53,7 @@ class StripFit:
     inflation: float
     waviness_sd_m: float
     lateral_sd_m: float
+    texture_sd_m: float
     bands: int
     crest_turn_rad: float
     outliers: int
@@ -134,6 +136,7 @@ def fit_strip(
         inflation=inflation,
         waviness_sd_m=waviness,
         lateral_sd_m=float(np.sqrt(max(_excess(bump, raised, scale) - flat_lateral, 0.0))),
+        texture_sd_m=float(np.sqrt(flat_lateral)),
         bands=band_count,
         crest_turn_rad=_crest_turn(fit.slope(along), across, weight, residual),
         outliers=int(np.sum(robust == 0) + np.sum(np.abs(height_m[flat & ~inside]) > _REJECT * scale)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,7 +83,8 @@ def test_far_origin_changes_nothing() -> None:
 
 @pytest.mark.parametrize("error_deg", [-2.5, -0.4, 1.0])
 def test_heading_error_within_tolerance_is_corrected(error_deg: float) -> None:
-    analysis = analyse_scan(scan_of(cloud(parabola), 30.0 + error_deg))
+    within = float(np.radians(3.0))
+    analysis = analyse_scan(replace(scan_of(cloud(parabola), 30.0 + error_deg), heading_within_rad=within))
     assert np.degrees(analysis.heading_rad) == pytest.approx(30.0, abs=0.1)
     assert error_of(analysis, parabola) < 0.25e-3
     assert any("heading was turned" in text for text in analysis.messages) == (abs(error_deg) > 0.5)

@@ -27,8 +27,13 @@ def read_bumps(
     files: NamedFiles,
     point_cloud_reader: PointCloudReader | None,
     profile_reader: ProfileReader | None,
+    tires_m: tuple[float, ...] = (),
 ) -> dict[str, Scan]:
     """Scan of every bump by its name; without readers none has points or heights.
+
+    Parameters
+    ----------
+    tires_m : distances of the tires of one side of the truck from its middle.
 
     Raises
     ------
@@ -43,17 +48,32 @@ def read_bumps(
         result[name] = (
             _levelled(name, key, table.profile, files, profile_reader)
             if table.profile is not None
-            else _cloud(name, key, table, files, point_cloud_reader)
+            else _cloud(name, key, table, files, point_cloud_reader, tires_m)
         )
     return result
 
 
-def _cloud(name: str, key: str, table: ScanTable, files: NamedFiles, reader: PointCloudReader | None) -> Scan:
+def _cloud(
+    name: str,
+    key: str,
+    table: ScanTable,
+    files: NamedFiles,
+    reader: PointCloudReader | None,
+    tires_m: tuple[float, ...],
+) -> Scan:
     assert table.file is not None
     assert table.heading_deg is not None
     content = files.content(table.file, f"{key}.file", limits.SCAN_BYTES)
     points = np.empty((0, 3)) if reader is None else reader(content, table.unit.replace("µ", "u"))
-    return Scan(name, paths.relative_name(table.file), angle_rad(table.heading_deg), points)
+    return Scan(
+        name,
+        paths.relative_name(table.file),
+        angle_rad(table.heading_deg),
+        points,
+        heading_within_rad=angle_rad(table.heading_within_deg),
+        lateral_m=table.lateral_m,
+        tires_m=tires_m,
+    )
 
 
 def _levelled(name: str, key: str, file: str, files: NamedFiles, reader: ProfileReader | None) -> Scan:

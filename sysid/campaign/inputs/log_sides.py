@@ -70,6 +70,7 @@ def _mean_of_sides(one: Channel, two: Channel, label: str, messages: list[str]) 
         one.sensor,
         column=f"{one.sensor.column}+{two.sensor.column}",
         side=None,
+        y_m=None,
         full_scale=min(scales) if len(scales) == 2 else None,
     )
     return Channel(sensor, one.time_s, mean, censored)

@@ -73,6 +73,7 @@ class _SensorTable(Table):
     unit: SensorUnit | None = None
     range: Positive | None = None
     side: Literal["left", "right"] | None = None
+    y_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-3.0, le=3.0)] | None = None
     sign: Literal[1, -1] = 1
     scale: Positive = 1.0
     area_m2: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=2.0)] | None = None
@@ -86,6 +87,10 @@ class _SensorTable(Table):
             raise ValueError("has no kind; give kind and unit, or unused = 'the reason'")
         if self.unit is None:
             raise ValueError("has no unit; give the unit of its readings")
+        if self.y_m is not None and self.side is not None and (self.y_m > 0.0) != (self.side == "left"):
+            raise ValueError(
+                f"is on the {self.side} side, but has y_m = {self.y_m:g}; y_m is positive to the left of the middle"
+            )
         if self.area_m2 is not None and self.kind != "air_pressure":
             raise ValueError(f"measures {self.kind}; area_m2 belongs to air_pressure, leave it out")
         dimension = KIND_DIMENSION[self.kind]
@@ -149,14 +154,19 @@ class ScanTable(Table):
 
     file: PathText | None = None
     heading_deg: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-360.0, le=360.0)] | None = None
+    heading_within_deg: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=10.0)] = 0.5
+    lateral_m: Position = 0.0
     unit: LengthUnit = "m"
     profile: PathText | None = None
 
     @model_validator(mode="after")
     def _cloud_or_profile(self) -> ScanTable:
         if self.profile is not None:
-            if self.file is not None or self.heading_deg is not None or "unit" in self.model_fields_set:
-                raise ValueError("has a profile; leave out file, heading_deg and unit, which belong to a point cloud")
+            if self.model_fields_set - {"profile"}:
+                raise ValueError(
+                    "has a profile; leave out file, heading_deg, heading_within_deg, lateral_m and unit, which belong "
+                    "to a point cloud"
+                )
         elif self.file is None:
             raise ValueError("has no file; give the point cloud as file, or heights along the road as profile")
         elif self.heading_deg is None:

@@ -117,6 +117,9 @@ class DamperTable(Table):
         return self
 
 
+Track = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=6.0)]
+
+
 class AxleTable(Table):
     """[[vehicle.axle]]: one axle, both sides and all its tires together."""
 
@@ -138,7 +141,20 @@ class AxleTable(Table):
     jounce_travel_m: Travel | None = None
     rebound_travel_m: Travel | None = None
     leaf: LeafTable | None = None
+    track_m: Track | None = None
+    dual_spacing_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)] | None = None
+    spring_track_m: Track | None = None
+    damper_track_m: Track | None = None
     priors: PriorsTable | None = None
+
+    @model_validator(mode="after")
+    def _twins_within_track(self) -> AxleTable:
+        if self.track_m is not None and self.dual_spacing_m is not None and self.dual_spacing_m >= self.track_m:
+            raise ValueError(
+                f"has a dual_spacing_m of {self.dual_spacing_m:g} and a track_m of {self.track_m:g}; the first is the "
+                "distance between the twin tires of one side"
+            )
+        return self
 
 
 class GroupTable(Table):

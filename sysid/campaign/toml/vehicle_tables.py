@@ -184,6 +184,10 @@ class VehicleReader:
             jounce_travel_m=table.jounce_travel_m,
             rebound_travel_m=table.rebound_travel_m,
             leaf=None if leaf is None else LeafDimensions(leaf.leaves, leaf.width_m, leaf.thickness_m, leaf.length_m),
+            track_m=table.track_m,
+            dual_spacing_m=table.dual_spacing_m,
+            spring_track_m=table.spring_track_m,
+            damper_track_m=table.damper_track_m,
             priors=priors,
         )
 
