@@ -99,8 +99,8 @@ def test_check_refuses_a_pass_that_only_the_length_of_the_bump_makes_too_long(ca
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('profile = "bump.csv"', 'profile = "bump.csv"\nheading_deg = 3', "leave out file, heading_deg, heading_within_deg"),
-        ('profile = "bump.csv"', 'profile = "bump.csv"\nunit = "m"', "leave out file, heading_deg, heading_within_deg"),
+        ('profile = "bump.csv"', 'profile = "bump.csv"\nheading_deg = 3', "leave out file, heading_deg"),
+        ('profile = "bump.csv"', 'profile = "bump.csv"\nunit = "m"', "leave out file, heading_deg"),
         ('profile = "bump.csv"', 'unit = "m"', "heights along the road as profile"),
         ('profile = "bump.csv"', 'file = "bump.csv"', "heading_deg"),
         ('profile = "bump.csv"', 'profile = "missing.csv"', "missing.csv"),
