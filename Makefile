@@ -8,7 +8,7 @@ PIP := -m pip --quiet --disable-pip-version-check
 LOCKED := --require-hashes --only-binary :all: --requirement
 LOCK := uv pip compile --quiet --universal --no-build --python-version 3.11 --generate-hashes --no-header --no-annotate
 
-.PHONY: run quick test test-lowest test-long lock parts audit fuzz test-browser docs wheel bench bench-jobs bench-long coverage first-look plank-drops faults check-faults check-numbers damages kills soak fleets independent lint format clean
+.PHONY: run quick test test-lowest test-long lock parts audit fuzz test-browser docs wheel bench bench-jobs bench-long coverage first-look plank-drops faults check-faults check-numbers damages kills soak fleets independent changes lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -95,6 +95,11 @@ fleets: $(VENV)/.dev
 # Two hours on two quiet cores: trucks of equations of their own through `run`; can be stopped and goes on.
 independent: $(VENV)/.dev
 	$(BIN)/python -m studies.independent --seed 21383265 --output build/independent --document docs/evidence/statistics.md
+
+# Some ten minutes on one quiet core for each: pairs of campaigns of one truck, one damper of every second one changed.
+changes: $(VENV)/.dev
+	$(BIN)/python -m studies.changes --output build/changes --document docs/howto/compare.md
+	$(BIN)/python -m studies.changes --independent --output build/changes --document docs/howto/compare.md
 
 # Ten minutes on one core: mistakes that `check` must name, and healthy campaigns that it must not accuse.
 check-faults: $(VENV)/.dev

@@ -2,6 +2,7 @@ from . import plot as plot
 from .campaign import Campaign as Campaign
 from .campaign import check_quality as check_quality
 from .campaign import read_campaign as read_campaign
+from .comparison import compare as compare
 from .errors import CampaignError as CampaignError
 from .errors import DataRejectedError as DataRejectedError
 from .errors import NotConvergedError as NotConvergedError

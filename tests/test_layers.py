@@ -49,7 +49,7 @@ LEVELS = (
     {"export"},
     {"report"},
     {"workflow"},
-    {"fleet"},
+    {"comparison", "fleet"},
     {"cli"},
     {"__main__"},
 )

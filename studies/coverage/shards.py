@@ -20,6 +20,8 @@ _MARK = "sources"
 #: What only writes about replicates.
 _WRITERS = (
     "studies/cases.py",
+    "studies/changes/__main__.py",
+    "studies/changes/table.py",
     "studies/coverage/__main__.py",
     "studies/coverage/tables.py",
     "studies/factors/__main__.py",
@@ -40,6 +42,7 @@ _PACKAGES = (
     "posterior",
     "prediction",
     "selftest",
+    "comparison",
 )
 
 

@@ -35,7 +35,7 @@ RUN = ("--quick", "--max-steps", "40")
 #: Of so many cases one is reported, of forged ones more, and one computed to its end; all are exported.
 REPORT_EVERY, FORGED_REPORT_EVERY, RUN_EVERY = 64, 8, 50
 #: What may differ before a run: times, and words that follow from what is there (the engine is named by the fit).
-_FREE = ("timings", "warnings", "status", "seed", "reasons", "engine", "engine_build")
+_FREE = ("timings", "identity", "warnings", "status", "seed", "reasons", "engine", "engine_build")
 
 
 class TooLongError(BaseException):
@@ -64,7 +64,7 @@ def _warmed(folder: Path) -> tuple[Path, Path]:
         copy = Path(shutil.copytree(output, Path(place) / "output"))
         command("export", campaign, copy)
         one, other = (json.loads((p / "result.json").read_text(encoding="utf-8")) for p in (copy, output))
-        if list(_compared(one, other, "", True, ("timings",))):
+        if list(_compared(one, other, "", True, ("timings", "identity"))):
             raise SystemExit(f"The undamaged folder {output} is not exported as it was; remove it and start again.")
     return campaign, output
 
@@ -105,7 +105,7 @@ def replicate(number: int, bases: Path, seed: int = SEED) -> Record:
         if number % (FORGED_REPORT_EVERY if forged else REPORT_EVERY) == 0:
             steps.append(_step("report", campaign, output, (), expected, forged, free))
         if number % RUN_EVERY == 7:
-            steps.append(_step("run", campaign, output, ("--resume", *RUN), expected, forged, ("timings",)))
+            steps.append(_step("run", campaign, output, ("--resume", *RUN), expected, forged, ("timings", "identity")))
     return {"number": number, "file": file.as_posix(), "damage": name, "done": done, "bare": bare, "steps": steps}
 
 

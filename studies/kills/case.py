@@ -125,7 +125,7 @@ def differences(output: Path, good: Path) -> list[str]:
     """What the folder holds that an undisturbed one does not: other numbers, other files, files half-written."""
     found, expected = _files(output), _files(good)
     # Times stand in these, or follow from them.
-    timed = ("result.json", "report.html", "stages/timings.json", "posterior.nc")
+    timed = ("result.json", "report.html", "stages/timings.json", "stages/settings.json", "posterior.nc")
     wrong = [f"{name} is missing or too much" for name in sorted(found.keys() ^ expected.keys())]
     wrong += [f"{name} differs" for name in found.keys() & expected.keys() - {*timed} if found[name] != expected[name]]
     if _result(output) != _result(good):
@@ -140,4 +140,5 @@ def _files(folder: Path) -> dict[str, bytes]:
 def _result(folder: Path) -> dict[str, Any]:
     document = dict(json.loads((folder / "result.json").read_text(encoding="utf-8")))
     del document["timings"]
+    document.get("identity", {}).pop("date", None)
     return document

@@ -116,6 +116,7 @@ def read_campaign(
             tables.campaign.operator,
             tables.campaign.vehicle_id,
             tables.campaign.synthetic,
+            tables.campaign.scale,
         ),
         road_drives=drives,
     )

@@ -311,7 +311,7 @@ class PredictionRequest:
 class CampaignDetails:
     """What the campaign file says of the test: date (ISO 8601) and place, who drove, which vehicle; None: nothing.
 
-    `synthetic` data were computed, not measured.
+    `synthetic` data were computed, not measured; `scale` names the one that weighed the axles.
     """
 
     date: str | None = None
@@ -319,6 +319,7 @@ class CampaignDetails:
     operator: str | None = None
     vehicle_id: str | None = None
     synthetic: bool = False
+    scale: str | None = None
 
 
 @dataclass(frozen=True)

@@ -148,6 +148,20 @@ def selftest(campaign: Path, replicates: int, seed: int) -> None:
     sys.exit(run_selftest(campaign, replicates, seed))
 
 
+@cli.command("compare")
+@click.argument("folders", nargs=-1, required=True, metavar="FOLDER FOLDER...", type=click.Path(path_type=Path))
+@click.option("--output", default="comparison", show_default=True, type=output_option.folder,
+              help="Folder for page, figure and table.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print the comparison as JSON instead of tables.")
+@click.option("--nothing-shared", is_flag=True, help="Cancel no errors: the intervals are those of separate trucks.")
+@click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
+def compare(folders: tuple[Path, ...], output: Path, as_json: bool, nothing_shared: bool, opens: bool) -> None:
+    """Did it change? Differences of finished campaigns (output folders) from the first, shared errors cancelled."""
+    from sysid.cli.compare import run_compare
+
+    sys.exit(run_compare(folders, output, as_json, not nothing_shared, opens))
+
+
 cli.add_command(fleet)
 
 

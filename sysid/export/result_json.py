@@ -9,6 +9,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sysid.export.identity import identity_of
 from sysid.export.naming import prediction_files, speed_km_h
 from sysid.files import write_text
 from sysid.results.contents import Results
@@ -35,7 +36,7 @@ def result_document(results: Results) -> dict[str, Any]:
     provenance = results.provenance
     posterior = results.posterior
     seed = provenance.get("seed", posterior.seed if posterior is not None else None)
-    return {
+    document = {
         "schema": SCHEMA_VERSION,
         "campaign": results.campaign.title,
         "status": results.status,
@@ -66,7 +67,15 @@ def result_document(results: Results) -> dict[str, Any]:
             for s in (() if results.quality is None else results.quality.speed_sensors)
         ],
         "balance": _balance(results),
+        "identity": {"date": provenance.get("date") or None},
     }
+    identity = identity_of(document)
+    document["identity"] = {
+        "run": identity.run,
+        "date": identity.date or None,
+        "content_sha256": identity.result_sha256,
+    }
+    return document
 
 
 def result_schema() -> dict[str, Any]:

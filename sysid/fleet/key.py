@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sysid.errors import CampaignError
+from sysid.export.identity import content_sha256
 from sysid.files import read_json
 from sysid.workflow.sources import code_digest
 from sysid.workflow.stages import STAGES
@@ -82,11 +83,10 @@ def result_digest(path: Path) -> str:
     """
     try:
         document = read_json(path)
-        del document["timings"]
-        text = json.dumps(document, sort_keys=True)
+        _ = document["timings"]
+        return content_sha256(document)
     except (KeyError, RecursionError):
         raise CampaignError(f"{path.name} is missing or damaged; run the fleet again.") from None
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _digest(path: Path) -> str:

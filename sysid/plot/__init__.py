@@ -1,6 +1,7 @@
 """Figures of results: each function takes a result and optional axes, returns the axes and computes nothing heavy."""
 
 from sysid.estimates.suspension_values import AxleEstimates, Estimate, suspension_estimates
+from sysid.plot.changes import changes
 from sysid.plot.comparison import SOURCE_LABELS, SOURCES, comparison
 from sysid.plot.drops import drop, drops
 from sysid.plot.fleet import MOST_ROWS as FLEET_ROWS
@@ -46,6 +47,7 @@ __all__ = [
     "autocorrelation",
     "axle_color",
     "axle_load_against_speed",
+    "changes",
     "channel_grid",
     "channel_title",
     "comparison",

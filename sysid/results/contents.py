@@ -90,7 +90,7 @@ class Results(Tabular):
     - `judgement` says whether the numbers may be used, None where nobody has judged them.
 
     `provenance` may hold ``input_sha256`` (file -> hash), ``versions`` (package -> version), ``seed``, ``settings``
-    (nested mapping) and ``timings`` (stage -> seconds).
+    (nested mapping), ``timings`` (stage -> seconds) and ``date`` of the last stage (ISO 8601).
 
     Raises ValueError if `status` is none of ``converged``, ``not_converged``, ``preview``.
     """

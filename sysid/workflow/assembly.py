@@ -10,7 +10,7 @@ from sysid.results.judgement import judge
 from sysid.vehicle_model.engine import engine_versions
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.runner import Runner
-from sysid.workflow.settings import Settings
+from sysid.workflow.settings import Settings, date_of
 from sysid.workflow.stage import Stage
 from sysid.workflow.stages import STAGES
 from sysid.workflow.versions import versions
@@ -38,6 +38,7 @@ def assembled(runner: Runner, inputs: Inputs, settings: Settings) -> Results:
             # Building an engine takes time: its name is known where one has been used.
             "versions": versions() | ({} if results.fit is None else engine_versions()),
             "seed": settings.seed,
+            "date": date_of(runner.folder.path),
             "settings": settings.as_dict(),
             "timings": {name: round(seconds, 3) for name, seconds in runner.folder.timings.items()},
         },

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, cast, get_args
 
@@ -46,10 +47,24 @@ LAWS = ("auto", "compare", "declared")
 KEPT_CHOICES = {"quick": bool, "seed": int, "laws": str, "contact": str, "contact_spread": bool}
 
 
+_DATE = "date"
+
+
 def remember(folder: Path, settings: Settings) -> None:
-    """Store the choices of the command line, so that a later report of the same folder uses them."""
+    """Store the choices of the command line, so that a later report of the same folder uses them, and the time."""
     known = {**asdict(settings.fit), "quick": settings.quick, "seed": settings.seed}
-    write_text(folder / "stages" / "settings.json", json.dumps({name: known[name] for name in KEPT_CHOICES}))
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    kept = {name: known[name] for name in KEPT_CHOICES} | {_DATE: date}
+    write_text(folder / "stages" / "settings.json", json.dumps(kept))
+
+
+def date_of(folder: Path) -> str:
+    """When the last stage was computed in an output folder (ISO 8601, UTC); empty where that is not known."""
+    date = read_json(folder / "stages" / "settings.json").get(_DATE)
+    try:
+        return datetime.fromisoformat(date).isoformat(timespec="seconds") if isinstance(date, str) else ""
+    except ValueError:
+        return ""
 
 
 def recall(folder: Path) -> dict[str, Any]:

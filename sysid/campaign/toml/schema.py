@@ -49,6 +49,7 @@ class CampaignTable(Table):
     date: Annotated[datetime.date | None, BeforeValidator(_date)] = None
     place: Name | None = None
     operator: Name | None = None
+    scale: Name | None = None
     vehicle_id: Name | None = None
     synthetic: StrictBool = False
 

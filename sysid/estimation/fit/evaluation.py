@@ -45,6 +45,7 @@ from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, I
 from sysid.estimation.uncertainty.information import AdjustedInformation, adjusted_information
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.normal_equations import NormalEquations
+from sysid.estimation.uncertainty.shared_errors import further_unknowns
 from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
 from sysid.estimation.weights.reweighting import residual_inflation
@@ -123,6 +124,7 @@ def evaluate_optimum(
         misfit=optimum.misfit,
         load_shares=load_shares(campaign.vehicle, estimates),
         parts=adjusted.parts.differences,
+        further=further_unknowns(allowances, adjusted),
     )
     return fit, FitState(campaign, point, model)
 

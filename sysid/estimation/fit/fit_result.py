@@ -10,6 +10,7 @@ from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.parameters.rockers import LoadShare
 from sysid.estimation.parameters.undeclared_parts import UndeclaredFrame
 from sysid.estimation.residuals.run_history import RunHistory
+from sysid.estimation.uncertainty.further_unknowns import FurtherUnknowns
 from sysid.estimation.uncertainty.identifiability import Identifiability
 from sysid.estimation.uncertainty.part_agreement import PartDifference
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
@@ -144,6 +145,7 @@ class FitResult(Tabular):
     - `parts` says of stiffness and damping how far parts of the data disagree;
     - `impossible` are those `warnings` that name values that no truck has
       (:mod:`sysid.estimation.fit.implausible_values`);
+    - `further`: errors of declared masses and of the contact model, and how the parameters go with them;
     - `misfit` is the median over channels and runs of residual over noise. The noise is that of the instruments, or
       what the channels show before the bump.
     """
@@ -176,6 +178,7 @@ class FitResult(Tabular):
     doubts: tuple[str, ...] = ()
     impossible: tuple[str, ...] = ()
     parts: tuple[PartDifference, ...] = ()
+    further: FurtherUnknowns | None = None
 
     @property
     def laws(self) -> tuple[str, ...]:

@@ -46,6 +46,7 @@ REPORT = Ending(
 
 
 def _export(results: Results, folder: Path, progress: Progress) -> Sequence[Path]:
+    from sysid.export.covariance_json import COVARIANCE_FILE, write_covariance
     from sysid.export.inference_data import write_posterior
     from sysid.export.models import write_models
     from sysid.export.result_json import write_result
@@ -59,6 +60,8 @@ def _export(results: Results, folder: Path, progress: Progress) -> Sequence[Path
         written.append(folder / "parameters.csv")
         if results.validation is not None:
             written.append(folder / "validation.csv")
+        if write_covariance(results, folder / COVARIANCE_FILE):
+            written.append(folder / COVARIANCE_FILE)
         progress("files for other programs", 0.3)
         vehicles = () if results.estimates is None else results.estimates.vehicles
         written += write_models(results.campaign, vehicles, results.predictions, folder, results.judgement)

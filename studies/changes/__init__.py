@@ -1,0 +1,1 @@
+"""Pairs of campaigns of one truck: what `compare` finds of a damper that has changed."""

@@ -1,0 +1,5 @@
+"""Did it change? Finished campaigns of one truck, or of several, compared."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

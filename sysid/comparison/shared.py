@@ -1,0 +1,157 @@
+"""Which errors two campaigns share: masses that were declared once, one weighing, one scale, the tires of one truck."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from sysid.comparison.stored import StoredError, StoredResult
+from sysid.numbers import listing
+
+#: Positions of axles of one truck in two campaign files differ by less [m].
+_SAME_PLACE_M = 0.05
+#: Declared values of one property in two campaign files differ by less than this share.
+_SAME_VALUE = 1e-6
+#: Errors that two campaigns estimate as far apart as would happen by chance with this probability are not shared.
+_APART = 1e-3
+#: What is bound to the load on the truck, and so to its weighing.
+_OF_LOAD = ("axle_load_factor", "pitch_inertia_factor", "cg_height_factor")
+_SCALE = "axle_load_scale_factor"
+_TIRES = ("envelope", "footprint", "spokes", "tire_load")
+_WORDS = {
+    "unsprung_mass_factor": "unsprung masses",
+    "hitch_height_factor": "hitch heights",
+    "axle_load_factor": "weighed axle loads",
+    "pitch_inertia_factor": "pitch inertias",
+    "cg_height_factor": "heights of centres of gravity",
+    _SCALE: "the scale",
+}
+
+
+@dataclass(frozen=True)
+class SharedErrors:
+    """Pairs of indices (first, second) of errors that are one, in words; `remarks` say what is not and why."""
+
+    pairs: tuple[tuple[int, int], ...]
+    words: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+
+def one_truck(first: StoredResult, second: StoredResult) -> tuple[bool, str]:
+    """Whether two campaigns are of one truck, and a sentence that says why."""
+    a, b = first.test.get("vehicle_id"), second.test.get("vehicle_id")
+    if a and b:
+        return a == b, f"Both are of truck {a}." if a == b else f"The trucks are {a} and {b}."
+    same = len(first.x_m) == len(second.x_m) and bool(
+        np.all(np.abs(np.array(first.x_m) - np.array(second.x_m)) < _SAME_PLACE_M)
+    )
+    if not same:
+        return False, "Number or positions of the axles differ: these are two trucks."
+    return (
+        True,
+        "Both are taken for one truck, as their axles are at the same places; vehicle_id in [campaign] says it.",
+    )
+
+
+def shared_errors(first: StoredResult, second: StoredResult, same_truck: bool) -> SharedErrors:
+    """Errors that both campaigns have in common.
+
+    Parameters
+    ----------
+    same_truck : whether both are of one truck.
+    """
+    weighings = _one_weighing(first, second) if same_truck else []
+    scale = bool(weighings) or _same_name(first, second, "scale")
+    pairs: list[tuple[int, int]] = []
+    taken: set[int] = set()
+    for i, a in enumerate(first.errors):
+        if (a.kind == _SCALE and not scale) or (a.kind != _SCALE and not same_truck):
+            continue
+        for j, b in enumerate(second.errors):
+            if j not in taken and _is_one(a, b, weighings):
+                pairs.append((i, j))
+                taken.add(j)
+                break
+    remarks = []
+    if same_truck and not weighings:
+        known = "" if scale else "; if one scale weighed both, give it one name with scale in [campaign] of both"
+        remarks.append(f"The axle loads of no load case are the same in both: weighed anew{known}.")
+    kept = _not_apart(first, second, pairs, remarks)
+    kinds = dict.fromkeys(first.errors[i].kind for i, _ in kept)
+    words = [w for kind, w in _WORDS.items() if kind in kinds]
+    if any(kind in _TIRES for kind in kinds):
+        words.append("contact of the tires with the bump")
+    return SharedErrors(tuple(kept), tuple(words), tuple(remarks))
+
+
+def _same_name(first: StoredResult, second: StoredResult, key: str) -> bool:
+    return bool(first.test.get(key)) and first.test.get(key) == second.test.get(key)
+
+
+def _one_weighing(first: StoredResult, second: StoredResult) -> list[tuple[str, str]]:
+    """Load cases (first, second) with the same readings of the scale for every axle."""
+    return [
+        (a, b)
+        for a, loads in first.axle_loads_kg.items()
+        for b, others in second.axle_loads_kg.items()
+        if np.allclose(loads, others, rtol=_SAME_VALUE, atol=0.0)
+        and (a == b or (a not in second.axle_loads_kg and b not in first.axle_loads_kg))
+    ]
+
+
+def _is_one(a: StoredError, b: StoredError, weighings: Sequence[tuple[str, str]]) -> bool:
+    if (a.kind, a.beam, a.place) != (b.kind, b.beam, b.place):
+        return False
+    if abs(a.declared - b.declared) > _SAME_VALUE * abs(a.declared):
+        return False
+    if a.kind in _OF_LOAD and not weighings:
+        return False
+    # What holds for all load cases of a campaign is bound to any of them.
+    cases = [(x, y) for x, y in weighings if a.load_case in (None, x) and b.load_case in (None, y)]
+    return bool(cases) or (a.load_case is None and b.load_case is None and a.kind not in _OF_LOAD)
+
+
+def _not_apart(
+    first: StoredResult, second: StoredResult, pairs: Sequence[tuple[int, int]], remarks: list[str]
+) -> list[tuple[int, int]]:
+    """The pairs without kinds of errors on which the campaigns do not agree.
+
+    With H_a, H_b the information of both about common errors y ~ N(0, P), and the covariances Y = (H + L)^-1 of each
+    with its own prior, the estimates differ by u ~ N(0, M P M' + Y_a H_a Y_a + Y_b H_b Y_b), M = Y_a H_a - Y_b H_b.
+    """
+    kept = list(pairs)
+    for kinds, words in ((_TIRES, "the tires' contact"), ((*_WORDS,), "the masses")):
+        of_kind = [(i, j) for i, j in kept if first.errors[i].kind in kinds]
+        if not of_kind:
+            continue
+        rows, columns = (list(index) for index in zip(*of_kind, strict=True))
+        spread, here = np.zeros((len(rows), len(rows))), []
+        moved, prior = [], np.zeros(len(rows))
+        for result, chosen in ((first, rows), (second, columns)):
+            known = result.error_covariance[np.ix_(chosen, chosen)]
+            sd = np.array([result.errors[k].sd for k in chosen])
+            shrunk = np.eye(len(chosen)) - known
+            spread += np.outer(sd, sd) * (known @ shrunk)
+            moved.append(sd[:, None] * shrunk / sd)
+            here.append(sd * np.array([result.errors[k].estimate for k in chosen]))
+            prior = np.maximum(prior, sd)
+        apart = (moved[0] - moved[1]) * prior
+        spread += apart @ apart.T
+        spread = 0.5 * (spread + spread.T)
+        unit = np.sqrt(np.maximum(np.diag(spread), 1e-300))
+        values, vectors = np.linalg.eigh(spread / np.outer(unit, unit))
+        seen = values > 1e-6
+        score = vectors[:, seen].T @ ((here[0] - here[1]) / unit)
+        if seen.any() and chi2.sf(float(np.sum(score**2 / values[seen])), int(seen.sum())) < _APART:
+            names = listing(
+                [w for kind, w in _WORDS.items() if kind in {first.errors[i].kind for i in rows}] or [words]
+            )
+            remarks.append(
+                f"The campaigns do not agree on {names}: these are not taken for the same, and the intervals are wider "
+                "for it."
+            )
+            kept = [p for p in kept if p not in of_kind]
+    return kept

@@ -1,0 +1,51 @@
+"""Which result a file is from: run, hash and date, the same in everything that is written of it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+#: Keys of `result.json` that differ between runs with the same result.
+_OF_THE_RUN = ("timings", "identity")
+
+
+@dataclass(frozen=True)
+class Identity:
+    """`run`: short hash of inputs, options and versions; `result_sha256`: of the content of `result.json` without
+    times; `date`: when the last stage was computed (ISO 8601, UTC), empty where it is not known.
+    """
+
+    run: str
+    result_sha256: str
+    date: str
+
+    @property
+    def line(self) -> str:
+        """All three on one line, for comments and footers."""
+        date = f", {self.date}" if self.date else ""
+        return f"sysid run {self.run}{date}, result sha256 {self.result_sha256}"
+
+
+def identity_of(document: Mapping[str, Any]) -> Identity:
+    """The identity of the result whose `result.json` has this content.
+
+    Parameters
+    ----------
+    document : content as plain Python objects.
+    """
+    made = {key: document.get(key) for key in ("campaign", "inputs", "seed", "status", "versions")}
+    stamp = document.get("identity")
+    date = stamp.get("date") if isinstance(stamp, dict) else None
+    return Identity(_digest(made)[:12], content_sha256(document), date if isinstance(date, str) else "")
+
+
+def content_sha256(document: Mapping[str, Any]) -> str:
+    """SHA-256 of the content of a `result.json` without what differs between runs with the same result."""
+    return _digest({key: value for key, value in document.items() if key not in _OF_THE_RUN})
+
+
+def _digest(content: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

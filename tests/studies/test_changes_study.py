@@ -1,0 +1,41 @@
+"""The study of changes: which pairs change, and what its table counts."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from studies.changes import case
+from studies.changes.table import holds, tables
+from studies.independent.case import KINDS
+
+
+def entry(name: str, truth: float, found: float, sd: float, changed: bool) -> dict:
+    quantity = "damping" if name.startswith("c") else "stiffness"
+    values = {"truth": truth, "log_ratio": found, "log_sd": sd, "changed": changed}
+    return {"name": name, "quantity": quantity, **values}
+
+
+def record(factor: float, *entries: dict, remarks: tuple[str, ...] = ()) -> dict:
+    return {"factor": factor, "failed": None, "entries": list(entries), "also": [], "remarks": list(remarks)}
+
+
+def test_every_kind_of_trucks_comes_changed_and_unchanged() -> None:
+    kinds = [case.physics_of(n) for n in range(2 * len(KINDS))]
+    assert kinds[::2] == kinds[1::2]
+    assert len({next(k for k, every in KINDS.items() if p in every) for p in kinds}) == len(KINDS)
+
+
+def test_the_table_counts_what_is_found_missed_and_wrong() -> None:
+    truth = float(np.log(0.9))
+    records = [
+        record(0.9, entry("c_1", truth, -0.11, 0.01, True), entry("k_1", 0.0, 0.0, 0.01, False)),
+        record(0.9, entry("c_1", truth, -0.05, 0.05, False), entry("k_1", 0.0, 0.2, 0.01, True)),
+        record(1.0, entry("c_1", 0.0, 0.01, 0.01, False), entry("k_1", 0.0, 0.0, 0.01, False)),
+        record(1.0, entry("c_1", 0.0, 0.05, 0.01, True), remarks=("The campaigns do not agree on the masses.",)),
+        {**record(1.0), "failed": "why"},
+    ]
+    assert [holds(e) for r in records for e in r["entries"]] == [True, True, True, False, True, True, False]
+    text = tables(records)
+    assert "| 5 | 1 of 2 | 1 of 2 | 1 of 2 | 5 of 7 (71 %) |" in text
+    assert "did not agree: 1 of 4 pairs" in text
+    assert "Not fitted: 1." in text
