@@ -47,11 +47,11 @@ def test_a_rough_road_is_no_fault_of_the_model():
 @pytest.mark.parametrize(
     ("name", "page", "pattern", "scale", "sentence"),
     [
-        ("halving", "estimation.md", r"half the time step\. More than (\S+) is a warning", 1.0, "Halving"),
+        ("halving", "search.md", r"half the time step\. More than (\S+) is a warning", 1.0, "Halving"),
         ("halving", "results.md", r"it comes above (\S+) %", 1e-2, "Halving"),
-        ("apart", "estimation.md", r"in standard deviations\. More than (\S+) is a warning", 1.0, "independent solver"),
+        ("apart", "search.md", r"in standard deviations\. More than (\S+) is a warning", 1.0, "independent solver"),
         ("misfit", "results.md", r"warning starts at (\S+) times", 1.0, "widened"),
-        ("misfit", "estimation.md", r"leave residuals of (\S+) times", 1.0, "widened"),
+        ("misfit", "search.md", r"leave residuals of (\S+) times", 1.0, "widened"),
         ("misfit", "tutorial.md", r"From (\S+) on \(▲\)", 1.0, "widened"),
     ],
 )
