@@ -78,7 +78,7 @@ FRICTION_SHARE = {"leaf": 0.05, "air": 0.02, "other": 0.03}
 #: are to act under load, not on the empty truck.
 GENERIC_HELPER_STIFFNESS, HELPER_TRAVEL_M, HELPER_SD = 8.0e5, 0.03, 0.8
 #: Stiffness [N/m] of the bushings of an axle's two dampers, an eye at each end of both, and the standard deviation of
-#: its logarithm: 2 to 20 MN/m from eyes of 4 to 40 kN/mm (an assumption: general knowledge of rubber in shock absorbers
+#: its logarithm: 2 to 20 MN/m from eyes of 2 to 20 kN/mm (an assumption: general knowledge of rubber in shock absorbers
 #: of trucks).
 BUSHING_STIFFNESS, BUSHING_SD = 6.0e6, 0.7
 
