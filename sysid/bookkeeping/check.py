@@ -17,6 +17,7 @@ from sysid.bookkeeping.places import Places, place_complaints, runs_without_bump
 from sysid.bookkeeping.pressures import pressure_complaints
 from sysid.bookkeeping.sampling import sampling_complaints
 from sysid.bookkeeping.sensors import SensorFault, place_of_frame_sensors, sensor_complaints
+from sysid.bookkeeping.sides import one_sided_sentence
 from sysid.bookkeeping.usual import BALANCED, MASSES, declared_values
 from sysid.bookkeeping.wheels import bump_complaints, filter_complaint, hop_frequencies, unsprung_exchanged
 from sysid.campaign.findings import QualityReport, RunSpeed, ScanFinding
@@ -90,6 +91,8 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
         said += _sentences(lambda: drop_complaints(campaign, [] if masses else spectra))
     findings = tuple(_scan_finding(name, campaign.scans[name], scan) for name, scan in scans.items())
     of_scans = [*refused, *(m for s in scans.values() for m in s.messages)]
+    if one_sided := one_sided_sentence(campaign, scans):
+        of_scans.append(one_sided)
     return QualityReport((), (*of_scans, *said), tuple(refused), speeds, findings, contradictions=tuple(said))
 
 

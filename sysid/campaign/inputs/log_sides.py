@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.signal import butter, sosfiltfilt
 
 from sysid.campaign.clipping import mark_clipped
 from sysid.campaign.gaps import readings_at
@@ -12,8 +13,11 @@ from sysid.campaign.records import AUXILIARY_KINDS, Channel
 from sysid.wording import shorten
 
 SIDE_DISAGREEMENT = 0.3  # roll makes left and right differ by less than this on a bump taken straight
-#: A bump is crossed by both sides within this time [s].
-_LATEST_S = 0.06
+#: A bump is crossed by both sides within this time [s]: 0.2 m at walking pace.
+_LATEST_S = 0.1
+#: Below this the whole truck moves, above it the axles tramp [Hz]; how far above the noise the motion is clear there,
+#: and how many readings are enough.
+_SLOW_HZ, _CLEAR, _LEAST = 3.0, 5.0, 60
 #: Correlations of sides that move alike, and the other way round; factor by which equal sides do not differ.
 _ALIKE, _SURELY, _FACTOR = 0.8, 0.5, 1.9
 
@@ -93,39 +97,56 @@ def _with_clipping(side: Channel, label: str, messages: list[str]) -> Channel:
 
 
 def _disagreement(one: Channel, two: Channel) -> str | None:
-    """How two sides differ, as the rest of a sentence; None where they do not differ by more than roll makes them.
-
-    The largest correlation over small shifts tells the causes apart: it is high where unit or scale are wrong or the
-    bump is crossed at an angle, negative where a sign is, and low where the sides move differently.
-    """
+    """How two sides differ, as the rest of a sentence; None where they do not differ by more than roll makes them."""
     both = np.isfinite(one.value) & np.isfinite(two.value) & (one.censored == 0) & (two.censored == 0)
     if np.count_nonzero(both) < 2:
         return None
-    left, right = one.value[both], two.value[both]
-    # What does not vibrate is compared by its level.
-    vibrates = one.sensor.kind not in AUXILIARY_KINDS
-    size_of = np.std if vibrates else _rms
-    spread, size = float(size_of(left - right)), float(size_of(0.5 * (left + right)))
-    if spread <= SIDE_DISAGREEMENT * 2.0 * size:
-        return None
-    apart = f"differ by {spread / max(size, 1e-300):.1f} times the size of their mean; "
-    if not vibrates:
-        return f"{apart}check unit and scale of both sensors."
+    if one.sensor.kind in AUXILIARY_KINDS:
+        # What does not vibrate is compared by its level.
+        left, right = one.value[both], two.value[both]
+        spread, size = _rms(left - right), _rms(0.5 * (left + right))
+        if spread <= SIDE_DISAGREEMENT * 2.0 * size:
+            return None
+        return f"differ by {spread / max(size, 1e-300):.1f} times the size of their mean; check unit and scale of both."
+    return _moved_apart(one, two, both)
+
+
+def _moved_apart(one: Channel, two: Channel, both: np.ndarray) -> str | None:
+    """How the slow motion of two sides differs, as the rest of a sentence; None where it is the same.
+
+    One side meets a bump before the other where it is crossed at an angle, and axles tramp: so the second is put on the
+    arrival of the first, and both are compared below :data:`_SLOW_HZ`, if they show more there than noise.
+    """
     step_s = float(np.median(np.diff(one.time_s)))
-    shift, correlation = _best_shift(left, right, round(_LATEST_S / step_s))
-    ratio = float(np.std(right) / max(np.std(left), 1e-300))
-    if _correlation(left, right) < -_SURELY and correlation < _ALIKE:
+    filled = [np.interp(c.time_s, c.time_s[both], c.value[both]) for c in (one, two)]
+    left, right = (x - x.mean() for x in filled)
+    most = round(_LATEST_S / step_s)
+    # A wrong sign must not look like a late arrival.
+    shift, _ = max((_best_shift(left, sign * right, most) for sign in (1.0, -1.0)), key=lambda found: found[1])
+    left, right = left[max(-shift, 0) : left.size - max(shift, 0)], right[max(shift, 0) :][: left.size - abs(shift)]
+    if left.size < _LEAST or _SLOW_HZ * step_s > 0.2:
+        return None
+    noise = max(_noise(x) for x in (left, right)) * np.sqrt(2.0 * _SLOW_HZ * step_s)
+    left, right = (sosfiltfilt(butter(2, 2.0 * _SLOW_HZ * step_s, output="sos"), x) for x in (left, right))
+    spread, sizes = float(np.std(left - right)), (float(np.std(left)), float(np.std(right)))
+    # The mean of sides that move against each other is nothing.
+    size = max(float(np.std(0.5 * (left + right))), 0.5 * min(sizes))
+    if min(sizes) < _CLEAR * noise or spread <= SIDE_DISAGREEMENT * 2.0 * size:
+        return None
+    apart = f"differ below {_SLOW_HZ:g} Hz by {spread / size:.1f} times the size of their mean; "
+    ratio = sizes[1] / sizes[0]
+    if _correlation(left, right) < -_SURELY:
         return f"{apart}they move against each other: check the sign of both sensors."
-    if correlation < _ALIKE:
+    if _correlation(left, right) < _ALIKE:
         return f"{apart}they move differently, as where the truck rolls or one of them is loose; their mean is used."
     if not 1.0 / _FACTOR < ratio < _FACTOR:
         return f"{apart}the second reads {ratio:.3g} times the first: check unit and scale of both sensors."
-    if shift:
-        return (
-            f"{apart}the second moves {1e3 * shift * step_s:+.0f} ms after the first: the bump is crossed at an angle, "
-            "or one of them is delayed."
-        )
     return f"{apart}their shape is the same: the truck rolls, or one of them is mounted elsewhere; their mean is used."
+
+
+def _noise(values: np.ndarray) -> float:
+    """Standard deviation of readings from one to the next, from the median of their second differences."""
+    return float(np.median(np.abs(np.diff(values, 2)))) / (0.6745 * np.sqrt(6.0))
 
 
 def _best_shift(left: np.ndarray, right: np.ndarray, most: int) -> tuple[int, float]:
