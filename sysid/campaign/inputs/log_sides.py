@@ -146,7 +146,7 @@ def _moved_apart(one: Channel, two: Channel, both: np.ndarray) -> str | None:
 
 def _noise(values: np.ndarray) -> float:
     """Standard deviation of readings from one to the next, from the median of their second differences."""
-    return float(np.median(np.abs(np.diff(values, 2)))) / (0.6745 * np.sqrt(6.0))
+    return float(np.median(np.abs(np.diff(values, 2))) / (0.6745 * np.sqrt(6.0)))
 
 
 def _best_shift(left: np.ndarray, right: np.ndarray, most: int) -> tuple[int, float]:
