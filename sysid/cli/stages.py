@@ -25,7 +25,7 @@ from sysid.files import write_text
 from sysid.folder_lock import cannot_write
 from sysid.wording import plain_text, shorten
 from sysid.workflow.stage import Blocks, Command, Ending, Stage, Whole
-from sysid.workflow.stages import EXPORT, RECORDS
+from sysid.workflow.stages import EXPORT, RECORDS, SUMMARY
 
 if TYPE_CHECKING:
     from sysid.results.contents import Results
@@ -132,7 +132,7 @@ def _run(
     if opens:
         import webbrowser
 
-        webbrowser.open((output / REPORT_FILE).resolve().as_uri())
+        webbrowser.open((outcome.written or (output / REPORT_FILE,))[0].resolve().as_uri())
     return _exit_code(outcome, calibration.settings.quick)
 
 
@@ -237,7 +237,7 @@ def _computed(
         results = calibration.run()
         return _Outcome(results, fault=None if results.status == "converged" else NotConvergedError)
     if isinstance(record, Ending):
-        written = calibration.write(record)
+        written = calibration.write(SUMMARY if typed.get("summary") else record)
         if record is not EXPORT:
             calibration.export()
         return _Outcome(written)

@@ -36,7 +36,7 @@ from sysid.plot.predictions import (
 from sysid.plot.road import effective_profile, profile, scan
 from sysid.plot.style import axle_color, figure, figure_of, label, shared_legend
 from sysid.plot.svg import svg_element, svg_file
-from sysid.plot.truck import truck
+from sysid.plot.truck import truck, truck_height
 
 __all__ = [
     "FLEET_ROWS",
@@ -87,5 +87,6 @@ __all__ = [
     "trace",
     "traces",
     "truck",
+    "truck_height",
     "truck_map",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -20,10 +21,17 @@ _FRONT, _REAR, _DECK, _FRAME, _CAB, _ROOF, _LOAD = 1.3, 1.1, 1.25, 0.24, 1.9, 2.
 _PALE, _STEEL = "#eef2f6", "#9aa5b1"
 #: Width of the figure, of the heads of the rows, and height of a row [in].
 _WIDTH, _HEADS, _ROW = 11.4, 0.95, 0.2
+#: Between the road and the rows [in].
+_GAP = 0.5
 
 
 @styled
-def truck(vehicle: Vehicle, rows: Sequence[tuple[str, Sequence[str]]], highlight: int | None = None) -> Axes:
+def truck(
+    vehicle: Vehicle,
+    rows: Sequence[tuple[str, Sequence[str]]],
+    highlight: int | None = None,
+    ax: Axes | None = None,
+) -> Axes:
     """The vehicle travelling to the left, its axles at their distances, and below each axle its column of `rows`.
 
     Parameters
@@ -31,6 +39,7 @@ def truck(vehicle: Vehicle, rows: Sequence[tuple[str, Sequence[str]]], highlight
     vehicle : positions, wheel radii [m], bodies and hitches; the outlines of bodies are nominal.
     rows : pairs of a head and one text per axle, front to rear; a text may have two lines.
     highlight : index of an axle whose column stands in bold, None for none.
+    ax : axes of a width of their own, as high as :func:`truck_height` says for it.
 
     Raises
     ------
@@ -40,41 +49,66 @@ def truck(vehicle: Vehicle, rows: Sequence[tuple[str, Sequence[str]]], highlight
     axles = vehicle.axles
     if any(len(texts) != len(axles) for _, texts in rows):
         raise ValueError(f"every row needs one text for each of {len(axles)} axles")
-    lines = [1 + max((t.count("\n") for t in texts), default=0) for _, texts in rows]
-    spans = _spans(vehicle)
-    left, right = min(a for a, _ in spans) - 0.1, max(b for _, b in spans) + 0.1
-    per_metre = min((_WIDTH - _HEADS - 0.1) / (right - left), 0.95)
-    truck_in, text_in = (_ROOF + 0.25) * per_metre, _ROW * sum(lines) + 0.1
-    gap_in = 0.5
-    height = truck_in + gap_in + text_in
-    fig = figure(_WIDTH, height, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-    ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
+    if ax is None:
+        fig = figure(_WIDTH, truck_height(vehicle, rows), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        ax = fig.add_axes((0.0, 0.0, 1.0, 1.0))
+    whole = ax.get_figure(root=True)
+    assert whole is not None
+    width = float(ax.get_position().width * whole.get_size_inches()[0])
+    scale = _Scale.of(vehicle, rows, width)
     ax.set_axis_off()
     # Inches from the lower left corner everywhere: the truck is placed by its scale, the text by its lines.
-    ax.set_xlim(0.0, _WIDTH)
-    ax.set_ylim(0.0, height)
-    free = _WIDTH - _HEADS - (right - left) * per_metre
+    ax.set_xlim(0.0, width)
+    ax.set_ylim(0.0, scale.height)
+    per_metre, text_in = scale.per_metre, scale.text_in
+    free = width - _HEADS - (scale.right - scale.left) * per_metre
 
     def x_in(x_m: float) -> float:
-        return _HEADS + free / 2.0 + (x_m - left) * per_metre
+        return _HEADS + free / 2.0 + (x_m - scale.left) * per_metre
 
     def y_in(z_m: float) -> float:
-        return text_in + gap_in + z_m * per_metre
+        return text_in + _GAP + z_m * per_metre
 
-    for body, (front, rear) in enumerate(spans):
+    for body, (front, rear) in enumerate(_spans(vehicle)):
         _draw_body(ax, vehicle, body, [x_in(front), x_in(rear)], y_in, per_metre)
-    ax.plot([_HEADS, _WIDTH - 0.05], [y_in(0.0)] * 2, color=INK, lw=1.2)
+    ax.plot([_HEADS, width - 0.05], [y_in(0.0)] * 2, color=INK, lw=1.2)
     for i, axle in enumerate(axles):
         _draw_axle(ax, i, x_in(axle.x_m), y_in(axle.tire_radius_m), axle.tire_radius_m * per_metre)
     for a, b in pairwise(axles):
         middle = (x_in(a.x_m) + x_in(b.x_m)) / 2.0
         ax.text(middle, y_in(0.0) - 0.12, f"{b.x_m - a.x_m:.3g} m", ha="center", fontsize=6.5, color=MUTED)
-    columns = _HEADS + (_WIDTH - _HEADS) * (np.arange(len(axles)) + 0.5) / len(axles)
+    columns = _HEADS + (width - _HEADS) * (np.arange(len(axles)) + 0.5) / len(axles)
     for i, (axle, column) in enumerate(zip(axles, columns, strict=True)):
         ends = [y_in(0.0) - 0.16, text_in + 0.02]
         ax.plot([x_in(axle.x_m), column], ends, color=axle_color(i), lw=0.9)
-    _write_rows(ax, rows, lines, columns, text_in, highlight)
+    _write_rows(ax, rows, scale.lines, columns, text_in, highlight, width)
     return ax
+
+
+def truck_height(vehicle: Vehicle, rows: Sequence[tuple[str, Sequence[str]]], width_in: float = _WIDTH) -> float:
+    """Height of the drawing with its rows at a given width, [in] both."""
+    return _Scale.of(vehicle, rows, width_in).height
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """Ends of the vehicle [m], inches per metre, lines of each row, and heights of the text and of all [in]."""
+
+    left: float
+    right: float
+    per_metre: float
+    lines: tuple[int, ...]
+    text_in: float
+    height: float
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, rows: Sequence[tuple[str, Sequence[str]]], width: float) -> _Scale:
+        lines = tuple(1 + max((t.count("\n") for t in texts), default=0) for _, texts in rows)
+        spans = _spans(vehicle)
+        left, right = min(a for a, _ in spans) - 0.1, max(b for _, b in spans) + 0.1
+        per_metre = min((width - _HEADS - 0.1) / (right - left), 0.95 * width / _WIDTH)
+        text_in = _ROW * sum(lines) + 0.1
+        return cls(left, right, per_metre, lines, text_in, (_ROOF + 0.25) * per_metre + _GAP + text_in)
 
 
 def _spans(vehicle: Vehicle) -> list[tuple[float, float]]:
@@ -133,14 +167,17 @@ def _write_rows(
     columns: np.ndarray,
     top: float,
     highlight: int | None,
+    whole: float,
 ) -> None:
     place = top
-    width = (_WIDTH - _HEADS) / len(columns)
+    width = (whole - _HEADS) / len(columns)
     if highlight is not None:
         corner = (columns[highlight] - width / 2.0 + 0.04, 0.02)
         ax.add_patch(FancyBboxPatch(corner, width - 0.08, top - 0.06, boxstyle="round,pad=0,rounding_size=0.05",
                                     fc="#fdf3e1", ec="none", zorder=0))  # fmt: skip
-    longest = max(int(13.5 * width), 6)
+    # Letters of 8.5 points take some 13.5 of an inch.
+    size = 8.5 if whole >= _WIDTH else 7.0
+    longest = max(int(13.5 * 8.5 / size * width), 6)
     for (head, texts), count in zip(rows, lines, strict=True):
         place -= _ROW * count
         middle = place + _ROW * count / 2.0
@@ -148,4 +185,4 @@ def _write_rows(
         for i, (text, column) in enumerate(zip(texts, columns, strict=True)):
             words = "\n".join(label(line, longest) for line in text.split("\n"))
             weight = "bold" if i == highlight else "normal"
-            ax.text(column, middle, words, ha="center", va="center", fontsize=8.5, color=INK, weight=weight)
+            ax.text(column, middle, words, ha="center", va="center", fontsize=size, color=INK, weight=weight)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -23,11 +24,22 @@ if TYPE_CHECKING:
     from sysid.validation.channel_agreement import ChannelAgreement
 
 
-def truck_picture(results: Results, gallery: Gallery) -> list[Picture]:
-    """The truck to scale, below each axle k, c and its largest load; nothing before any value is known."""
+@dataclass(frozen=True)
+class TruckRows:
+    """What stands below the axles of the drawing: heads and one text per axle, the axle with the largest load (index,
+    None without loads), and a caption; no texts before any value is known.
+    """
+
+    texts: list[tuple[str, list[str]]]
+    highest: int | None
+    caption: str
+
+
+def truck_rows(results: Results) -> TruckRows:
+    """k, c and loads of every axle for the drawing of the truck."""
     of_axles = suspension_rows(results)
     if not of_axles:
-        return []
+        return TruckRows([], None, "")
     loads = largest_loads(results)
     rows = [
         ("k [kN/m]", _per_axle(results, of_axles, "stiffness")),
@@ -51,9 +63,17 @@ def truck_picture(results: Results, gallery: Gallery) -> list[Picture]:
         caption += " Peak load: the largest of the predicted passes" + (
             "; * an extrapolation beyond the driven runs." if any(load.beyond for load in loads) else "."
         )
-    words = [f"{head}: {', '.join(f'axle {i + 1} {t}' for i, t in enumerate(texts))}." for head, texts in rows]
-    draws = partial(plot.truck, results.campaign.vehicle, rows, highest)
-    return [gallery.picture(draws, caption, " ".join([caption, *words]), width="wide truck")]
+    return TruckRows(rows, highest, caption)
+
+
+def truck_picture(results: Results, gallery: Gallery) -> list[Picture]:
+    """The truck to scale, below each axle k, c and its largest load; nothing before any value is known."""
+    rows = truck_rows(results)
+    if not rows.texts:
+        return []
+    words = [f"{head}: {', '.join(f'axle {i + 1} {t}' for i, t in enumerate(texts))}." for head, texts in rows.texts]
+    draws = partial(plot.truck, results.campaign.vehicle, rows.texts, rows.highest)
+    return [gallery.picture(draws, rows.caption, " ".join([rows.caption, *words]), width="wide truck")]
 
 
 def _per_axle(results: Results, rows: tuple[SuspensionRow, ...], quantity: str) -> list[str]:

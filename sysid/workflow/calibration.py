@@ -305,6 +305,10 @@ class Calibration:
         """Write report.html from the stages that have run, and figures/: the paper's figures of this campaign."""
         return self.write(stages.REPORT)[0]
 
+    def summary(self) -> Path:
+        """Write summary.pdf, one page to print and sign, from the stages that have run."""
+        return self.write(stages.SUMMARY)[0]
+
     def export(self) -> list[Path]:
         """Write result.json, tables, posterior.nc and files for other programs from the stages that have run."""
         return self.write(stages.EXPORT)

@@ -192,3 +192,27 @@ def test_a_run_left_out_is_marked_in_table_and_report(finished: Path, tmp_path: 
     assert beyond["nrmse"].median() < 0.03
     assert run_stage("report", folder, copy, **choices) == 0
     assert "has not seen them" in (copy / "report.html").read_text(encoding="utf-8")
+
+
+def test_one_page_to_sign_takes_the_place_of_the_report(finished: Path) -> None:
+    (finished / "report.html").rename(finished / "kept.html")
+    code = run_stage("report", finished.parent / "campaign", finished, resume=False, summary=True)
+    assert code == 0
+    assert (finished / "summary.pdf").read_bytes().startswith(b"%PDF")
+    assert not (finished / "report.html").exists()
+    (finished / "kept.html").rename(finished / "report.html")
+
+
+def test_covariance_belongs_to_the_result_beside_it(finished: Path) -> None:
+    """As long as parameters, draws of importance sampling included; what `compare` reads has no negative direction."""
+    covariance = json.loads((finished / "covariance.json").read_text(encoding="utf-8"))
+    document = json.loads((finished / "result.json").read_text(encoding="utf-8"))
+    assert covariance["identity"]["result_sha256"] == document["identity"]["content_sha256"]
+    names = [p["name"] for p in document["parameters"] if p["run"] is None]
+    assert [e["name"] for e in covariance["estimates"]] == names
+    spread = np.array(covariance["covariance"])
+    shared = np.array(covariance["sensitivity"])
+    assert spread.shape == (len(names), len(names))
+    assert shared.shape == (len(names), len(covariance["errors"]))
+    assert np.linalg.eigvalsh(np.array(covariance["error_covariance"])).min() > 0.0
+    assert {e["kind"] for e in covariance["errors"]} >= {"unsprung_mass_factor", "axle_load_scale_factor", "envelope"}

@@ -10,7 +10,7 @@ from typing import Any
 from sysid.workflow.stage import Ending, Stage
 from sysid.workflow.stages.balance import BALANCE
 from sysid.workflow.stages.data import CHECK, DROPS, SCAN
-from sysid.workflow.stages.endings import EXPORT, REPORT
+from sysid.workflow.stages.endings import EXPORT, REPORT, SUMMARY
 from sysid.workflow.stages.estimates import ESTIMATES
 from sysid.workflow.stages.fit import FIT, LEFT_OUT, PROFILE, VALIDATE
 from sysid.workflow.stages.loads import ADVISE, DRIVEN, PREDICT
@@ -55,5 +55,6 @@ __all__ = [
     "SAMPLE",
     "SCAN",
     "STAGES",
+    "SUMMARY",
     "VALIDATE",
 ]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sysid.progress import Progress
-from sysid.workflow.stage import Blocks, Command, Ending
+from sysid.workflow.stage import Blocks, Command, Ending, Option
 
 if TYPE_CHECKING:
     from sysid.results.contents import Results
@@ -28,8 +28,16 @@ def _report(results: Results, folder: Path, progress: Progress) -> Sequence[Path
 
 
 def show_report(paths: Sequence[Path], results: Results) -> Blocks:
-    """Where the report is."""
-    yield f"Report: {paths[0]}"
+    """Where the report, or the page to sign, is."""
+    yield f"{'Page to sign' if paths[0].suffix == '.pdf' else 'Report'}: {paths[0]}"
+
+
+def _summary(results: Results, folder: Path, progress: Progress) -> Sequence[Path]:
+    from sysid.report import write_summary
+
+    progress("summary.pdf", 0.0)
+    write_summary(results, folder / "summary.pdf")
+    return (folder / "summary.pdf",)
 
 
 REPORT = Ending(
@@ -38,8 +46,16 @@ REPORT = Ending(
     effort=25.0,
     # Agreement is computed with the results that the report is made from.
     helper=("sysid.validation.agreement", "sysid.report.paper_figures"),
-    command=Command(help="Write report.html from the stages that have run.", show=show_report, recalls=True),
+    command=Command(
+        help="Write report.html from the stages that have run; with --summary one page to sign as summary.pdf.",
+        show=show_report,
+        recalls=True,
+        options=(Option("--summary", "Write one page to print and sign, summary.pdf, instead.", "summary", kind=bool),),
+    ),
 )
+
+#: What `report --summary` writes.
+SUMMARY = Ending(name="summary", write=_summary, effort=3.0, command=REPORT.command)
 
 
 # ---------------------------------------------------------------------- export
