@@ -52,10 +52,17 @@ class _Page:
     figure: Figure
     top: float = _END
 
-    def text(self, x_in: float, words: str, size: float = 9.0, color: str = _INK, weight: str = "normal") -> None:
-        self.figure.text(
-            x_in / WIDTH_IN, 1.0 - self.top / HEIGHT_IN, words, fontsize=size, color=color, weight=weight, va="top"
-        )
+    def text(
+        self,
+        x_in: float,
+        words: str,
+        size: float = 9.0,
+        color: str = _INK,
+        weight: str = "normal",
+        family: str = "DejaVu Sans",
+    ) -> None:
+        place = x_in / WIDTH_IN, 1.0 - self.top / HEIGHT_IN
+        self.figure.text(*place, words, fontsize=size, color=color, weight=weight, family=family, va="top")
 
     def axes(self, left_in: float, width_in: float, height_in: float, above_in: float = 0.0) -> Axes:
         low = 1.0 - (self.top + above_in + height_in) / HEIGHT_IN
@@ -100,7 +107,7 @@ class _Unseen:
 
     def __call__(self, text: str, longest: int = 80) -> str:
         # Letters that join, or run to the left, would stand in the wrong order and shape.
-        plain = "".join("\ufffc" if unicodedata.bidirectional(c) in ("R", "AL") else c for c in plain_line(text))
+        plain = "".join("\u4e00" if unicodedata.bidirectional(c) in ("R", "AL") else c for c in plain_line(text))
         shown = plot.label(plain, longest)
         self.any = self.any or "\u25af" in shown
         return shown
@@ -224,6 +231,7 @@ def _signature(page: _Page, results: Results, identity: Identity, name: _Unseen)
     lines = [f"{made}. Everything else is in report.html.", f"SHA-256 of the result: {identity.result_sha256}"]
     if name.any:
         lines[0] += " \u25af: letters that this page cannot write; they are in report.html."
-    for line in lines:
-        page.text(_SIDE, line, 6.2, _MUTED)
+    # In a type of one width: letters of others may join, and nobody could compare the hash.
+    for line, family in zip(lines, ("DejaVu Sans", "DejaVu Sans Mono"), strict=True):
+        page.text(_SIDE, line, 6.2, _MUTED, family=family)
         page.top += 0.12
