@@ -64,6 +64,11 @@ class SuspensionLaw(NamedTuple):
     - `asymmetry` q: g = 2 q / (1 + q) in rebound (v > 0) and 2 / (1 + q) in compression; 1 is symmetric.
     - `friction` F_c [N] and `slip` z_s [m]: Dahl's element d phi / d e = (1 - phi sgn v) / z_s (P. R. Dahl, "A solid
       friction model", 1968).
+    - `friction_growth` g [1/m], `sliding` r and `sliding_rate` v_s [m/s] of leaf packs, whose friction grows with what
+      presses the leaves together and falls with speed: phi goes towards w sgn v instead of sgn v,
+      w(e, v) = max(0, 1 - g e) (r + (1 - r) / (1 + (v / v_s)^2)). The envelopes of loading and unloading are apart by
+      2 F_c w, and approached over z_s (P. S. Fancher et al., Measurement and representation of the mechanical
+      properties of truck leaf springs, SAE 800905, 1980, doi:10.4271/800905).
     - `compliance` 1/k_b [m/N] of the rubber bushings in series with the damper; 0 holds it rigidly.
     - `ramps`: corners of the spring curve: hanger lash and tables; `stops`: bump stops, beside the spring;
       `rate_ramps`: corners of the damper curve.
@@ -81,6 +86,9 @@ class SuspensionLaw(NamedTuple):
     asymmetry: RunsByAxlesBySets | None = None
     friction: RunsByAxlesBySets | None = None
     slip: RunsByAxlesBySets | None = None
+    friction_growth: RunsByAxlesBySets | None = None
+    sliding: RunsByAxlesBySets | None = None
+    sliding_rate: RunsByAxlesBySets | None = None
     load_share: RunsByAxlesBySets | None = None
     compliance: RunsByAxlesBySets | None = None
     ramps: Ramps | None = None
@@ -96,6 +104,7 @@ ELEMENT_FIELDS: dict[str, tuple[str, ...]] = {
     "saturating": ("saturation", "rounding", "tail"),
     "asymmetric": ("asymmetry",),
     "friction": ("friction", "slip"),
+    "leaf_friction": ("friction_growth", "sliding", "sliding_rate"),
     "equaliser": ("load_share",),
     "damper_bushing": ("compliance",),
 }

@@ -1,6 +1,8 @@
 """States inside suspensions: friction that has slid some way, and dampers in rubber bushings.
 
-Friction is Dahl's element (P. R. Dahl, "A solid friction model", 1968): d phi / d e = (1 - phi sgn v) / z_s. A damper
+Friction is Dahl's element (P. R. Dahl, "A solid friction model", 1968): d phi / d e = (1 - phi sgn v) / z_s; in leaf
+packs it goes towards an envelope w(e, v) (:class:`sysid.vehicle_model.suspension.SuspensionLaw`) in place of 1, of
+which a step takes the mean of its ends. A damper
 in series with bushings of the compliance 1/k_b (a Maxwell element) has a rate u of its own,
 
     D(u) = k_b (e - e_b),    so    u' = (v - u) / T,    T = (dD/du) / k_b,
@@ -55,7 +57,7 @@ def states_at_stage(
     """States at a stage of a step, `tau` [s] after its start; `middle_rate` the rate half way, None if straight."""
     slip, damper_rate = states
     if slip is not None:
-        slip = slip_at_stage(law, slip, start.value, start.rate, tau, stage.value)
+        slip = slip_at_stage(law, slip, start, tau, stage)
     if damper_rate is not None:
         bend = 0.0 * start.rate if middle_rate is None else 2.0 * (start.rate + stage.rate) - 4.0 * middle_rate
         damper_rate = _followed(law, damper_rate, start.rate, stage.rate - start.rate - bend, bend, tau)
@@ -108,19 +110,32 @@ def _relaxed(lag: jax.Array, damper_rate: jax.Array, rate: jax.Array, linear: ja
     return jnp.asarray(follows + (damper_rate - started) * left)
 
 
-def _slide(slip: RunsByAxlesBySets, length: jax.Array, change: jax.Array) -> jax.Array:
-    """phi after the extension changes by `change` in one direction: s + (phi - s) exp(-|change| / z_s)."""
-    direction = jnp.sign(change)
-    return direction + (slip - direction) * jnp.exp(-jnp.abs(change) / length)
+def _envelope(law: SuspensionLaw, extension: RunsByAxlesBySets, rate: RunsByAxlesBySets | float) -> jax.Array:
+    """w(e, v): friction that the leaves reach in the end, over that at rest."""
+    if law.friction_growth is None or law.sliding is None or law.sliding_rate is None:
+        return jnp.ones_like(extension)
+    pressed = jnp.maximum(1.0 - law.friction_growth * extension, 0.0)
+    return pressed * (law.sliding + (1.0 - law.sliding) / (1.0 + (rate / law.sliding_rate) ** 2))
+
+
+def _slide(law: SuspensionLaw, slip: RunsByAxlesBySets, change: jax.Array, envelope: jax.Array) -> jax.Array:
+    """phi after the extension changes by `change` in one direction: s w + (phi - s w) exp(-|change| / z_s)."""
+    end = jnp.sign(change) * envelope
+    return end + (slip - end) * jnp.exp(-jnp.abs(change) / law.slip)
+
+
+def _slide_and_back(
+    law: SuspensionLaw, slip: RunsByAxlesBySets, start: Extension, turned: jax.Array, turns: jax.Array, end: Extension
+) -> jax.Array:
+    """phi after the extension goes to where it turns, and on to its end; without a turn, straight there."""
+    at_start, at_end = _envelope(law, start.value, start.rate), _envelope(law, end.value, end.rate)
+    between = jnp.where(turns, _envelope(law, turned, 0.0), at_start)
+    there = _slide(law, slip, turned - start.value, 0.5 * (at_start + between))
+    return _slide(law, there, end.value - turned, 0.5 * (between + at_end))
 
 
 def slip_at_stage(
-    law: SuspensionLaw,
-    slip: RunsByAxlesBySets,
-    start: RunsByAxlesBySets,
-    rate: RunsByAxlesBySets,
-    tau: float,
-    extension: RunsByAxlesBySets,
+    law: SuspensionLaw, slip: RunsByAxlesBySets, start: Extension, tau: float, stage: Extension
 ) -> jax.Array:
     """Friction state phi at a stage, from the parabola through the step's start and the stage's extension.
 
@@ -129,15 +144,14 @@ def slip_at_stage(
 
     Parameters
     ----------
-    slip, start, rate : (R, na, S) phi, extension [m] and rate [m/s] at the start of the step.
+    slip : (R, na, S) phi at the start. start, stage : at the start of the step and at the stage.
     tau : time from the start of the step to the stage [s].
-    extension : (R, na, S) extension at the stage [m].
     """
-    assert law.slip is not None
-    bend = extension - start - rate * tau
+    rate = start.rate
+    bend = stage.value - start.value - rate * tau
     turns = rate * (rate * tau + 2.0 * bend) < 0.0
-    turned = start - jnp.where(turns, (rate * tau) ** 2, 0.0) / (4.0 * jnp.where(turns, bend, 1.0))
-    return _slide(_slide(slip, law.slip, turned - start), law.slip, extension - turned)
+    turned = start.value - jnp.where(turns, (rate * tau) ** 2, 0.0) / (4.0 * jnp.where(turns, bend, 1.0))
+    return _slide_and_back(law, slip, start, turned, turns, stage)
 
 
 def slip_after_step(
@@ -155,14 +169,13 @@ def slip_after_step(
     start, end : at both ends.
     step_s : step [s].
     """
-    assert law.slip is not None
     (e0, v0), (e1, v1) = start, end
     turns = v0 * v1 < 0.0
     s = jax.lax.stop_gradient(_turning_point(e1 - e0, v0 * step_s, v1 * step_s, turns))
     # Its rate vanishes there, so the exact derivative needs no derivative of the turning point's place.
     cubic = e0 + s * (step_s * v0 * (1.0 - s) ** 2 + s * ((3.0 - 2.0 * s) * (e1 - e0) - (1.0 - s) * step_s * v1))
     turned = jnp.where(turns, cubic, e0)
-    return _slide(_slide(slip, law.slip, turned - e0), law.slip, e1 - turned)
+    return _slide_and_back(law, slip, Extension(e0, v0), turned, turns, Extension(e1, v1))
 
 
 def _turning_point(change: jax.Array, v0: jax.Array, v1: jax.Array, turns: jax.Array) -> jax.Array:

@@ -24,11 +24,14 @@ from sysid.estimation.uncertainty.departures import (
     ENVELOPE,
     FRICTION,
     REACH,
+    RIGID,
     SPOKES,
     TIRE_LOAD,
     Departure,
     Departures,
 )
+from sysid.estimation.uncertainty.residual_columns import STEP
+from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
 from sysid.vehicle_model.passes import EffectiveRoads, Pass
 
 MOTION = RunMotion.steady(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
@@ -111,6 +114,21 @@ def test_bushings_of_an_amplitude_are_those_of_the_law_and_none_is_a_rigid_dampe
         assert np.abs(one - plain).max() > 1e-2 * np.abs(plain).max()
     for one, two in zip(*(simulate_runs(m, start, MOTION) for m in (ours, stiff)), strict=True):
         np.testing.assert_allclose(one, two, rtol=1e-4, atol=1e-6 * np.abs(one).max())
+
+
+def test_the_slope_by_bushings_of_rigid_dampers_is_that_of_stiff_ones(model):
+    """Rigid at the optimum, yet seen by derivatives: a step of 1e-7 shows the slope of 1 um/kN."""
+    data, parameters, ours = model
+    known = known_departures(data, parameters, ours)
+    small, start = 1e-3, parameters.start
+    steps = (simulate_runs(known.model(ours, amplitudes(known, BUSHING, a)), start, MOTION) for a in (STEP, small))
+    for plain, one, two in zip(simulate_runs(ours, start, MOTION), *steps, strict=True):
+        slope, chord = (one - plain) / STEP, (two - plain) / small
+        assert np.abs(slope - chord).max() < 0.05 * np.abs(chord).max()
+    allowances = Allowances(uncertain_masses(data), known)
+    amounts = np.concatenate([np.zeros(len(allowances.masses.factors)), amplitudes(known, BUSHING, 0.9 * RIGID)])
+    assert not allowances.within_reach(amounts).any()
+    assert allowances.within_reach(2.0 * amounts).any()
 
 
 def test_scale_is_the_root_mean_square_of_what_exact_data_ask_for():

@@ -189,12 +189,12 @@ def test_every_suspension_has_to_show_its_own_stops():
     vehicle = SimpleNamespace(suspension_axle=(0, 1, 1))
     stop, both = frozenset({STOPS}), frozenset({"friction", STOPS})
     none = (frozenset(),) * 3
-    assert stop_search.axles_with_stops(vehicle, (stop, both, both), none) == [0, 1]
-    assert stop_search.axles_with_stops(vehicle, (frozenset(), both, both), none) == [1]
+    assert stop_search.axles_with(STOPS, vehicle, (stop, both, both), none) == [0, 1]
+    assert stop_search.axles_with(STOPS, vehicle, (frozenset(), both, both), none) == [1]
     # Those of the campaign file stay.
-    assert stop_search.axles_with_stops(vehicle, (stop, both, both), (stop, *none[1:])) == [1]
+    assert stop_search.axles_with(STOPS, vehicle, (stop, both, both), (stop, *none[1:])) == [1]
     rubbing = frozenset({"friction"})
-    assert stop_search.without_stops(vehicle, (stop, both, both), 1) == (stop, rubbing, rubbing)
+    assert stop_search.without_on_axle(STOPS, vehicle, (stop, both, both), 1) == (stop, rubbing, rubbing)
 
 
 def test_stops_of_one_axle_that_gain_little_are_taken_away(monkeypatch):

@@ -15,7 +15,7 @@ from sysid.campaign.vehicle_records import AxleGroup, Equaliser, ForceTable, Fra
 def campaign_with_every_element(
     joined: str, *, runs: int = 1, samples: int = 220, antialias: AntiAliasFilter | None = rigid_truck.FILTER
 ) -> Campaign:
-    """Friction, stops, asymmetric damper in bushings in front; gas spring, helper leaves, lash and tables behind.
+    """Friction, stops, asymmetric damper in bushings in front; gas spring, helper leaves that rub, lash, tables behind.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def campaign_with_every_element(
         ),
         replace(
             second,
-            suspension_law="gas_spring + helper_spring + hanger_lash + spring_table + damper_table",
+            suspension_law="gas_spring + leaf_friction + helper_spring + hanger_lash + spring_table + damper_table",
             hanger_lash_m=0.01,
             spring_table=spring,
             damper_table=damper,

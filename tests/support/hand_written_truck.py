@@ -61,14 +61,16 @@ class Truck:
     """Quantities of the hand-written equations: statics, tire law, and the coupled mass of travel and pitch.
 
     `law` gives the suspension force from extension, rate of the damper and the state of Dahl friction elements with the
-    slip length `slip_m`; the damper stands in bushings of the stiffness `bushing_N_per_m`, or rigidly (None), and
-    `damper_rate` is its rate from its force; `load` is how the truck is loaded, its tires as stiff as ever at rest;
-    `bend` its frame; the speed that is held changes by `acceleration_m_s2`.
+    slip length `slip_m`, which goes towards `envelope` of extension and rate; the damper stands in bushings of the
+    stiffness `bushing_N_per_m`, or rigidly (None), and `damper_rate` is its rate from its force; `load` is how the
+    truck is loaded, its tires as stiff as ever at rest; `bend` its frame; the speed that is held changes by
+    `acceleration_m_s2`.
     """
 
     height_m: float
     law: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray] = linear
     slip_m: float = 1e-3
+    envelope: Callable[[np.ndarray, np.ndarray], np.ndarray | float] = lambda extension, rate: 1.0
     load: LoadCase = EMPTY
     bend: Bend | None = None
     acceleration_m_s2: float = 0.0
@@ -144,7 +146,7 @@ class Truck:
             "horizontal_force": push,
             "deflection": extension,
             "suspension_force": -pull,
-            "slip_rate": (rate - np.abs(rate) * slip) / self.slip_m,
+            "slip_rate": (self.envelope(extension, rate) * rate - np.abs(rate) * slip) / self.slip_m,
             "yielding": rate - damper_rate,
         }
 

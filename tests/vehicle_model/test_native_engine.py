@@ -189,6 +189,13 @@ def elements(case: Case) -> dict[str, dict]:
         "saturating damper": {"saturation": varied(0.3), "rounding": varied(0.6), "tail": varied(0.2)},
         "asymmetric damper": {"asymmetry": varied(2.5)},
         "friction": {"friction": varied(2000.0), "slip": varied(1e-3)},
+        "friction of leaves": {
+            "friction": varied(2000.0),
+            "slip": varied(2e-3),
+            "friction_growth": varied(10.0),
+            "sliding": varied(0.6),
+            "sliding_rate": varied(0.1),
+        },
         "damper bushing": {"compliance": varied(3e-7)},
         "spring corners": {"ramps": ramps(case, (0.012, 0.02, -0.015), 1e6)},
         "stops": {"stops": ramps(case, (0.015, -0.018), 1.5e6)},

@@ -22,6 +22,10 @@ from sysid.vehicle_model.suspension_states import slip_after_step
 
 FRICTION = np.array([1500.0, 900.0, 3000.0])
 SLIP_M = 1e-3
+#: Leaves that rub more when compressed, by twice as much at 0.2, 0.125 and 0.1 m, and less when they slide.
+GROWTH = np.array([5.0, 8.0, 10.0])
+SLIDING = np.array([0.6, 0.8, 0.5])
+SLIDING_RATE = np.array([0.1, 0.3, 0.05])
 SOFTENING = np.array([0.0, 2.5, 4.0])
 STIFFENING = np.array([0.0, 30.0, 60.0])
 KNEE = np.array([0.25, 0.2, 0.6])
@@ -58,6 +62,10 @@ def friction(e, v, phi):
     return STIFFNESS * e + DAMPING * v + FRICTION * phi
 
 
+def envelope(e, v):
+    return np.maximum(1.0 - GROWTH * e, 0.0) * (SLIDING + (1.0 - SLIDING) / (1.0 + (v / SLIDING_RATE) ** 2))
+
+
 def stops(e, v, phi):
     beyond = np.maximum(e - STOP_M, 0.0) - np.maximum(-e - 0.8 * STOP_M, 0.0)
     return STIFFNESS * e + DAMPING * v + STOP * beyond
@@ -86,6 +94,16 @@ LAWS = {
     ),
     "asymmetric damper": (asymmetric, LINEAR._replace(asymmetry=per_axle(ASYMMETRY))),
     "friction": (friction, LINEAR._replace(friction=per_axle(FRICTION), slip=per_axle(np.full(3, SLIP_M)))),
+    "friction of leaves": (
+        friction,
+        LINEAR._replace(
+            friction=per_axle(FRICTION),
+            slip=per_axle(np.full(3, SLIP_M)),
+            friction_growth=per_axle(GROWTH),
+            sliding=per_axle(SLIDING),
+            sliding_rate=per_axle(SLIDING_RATE),
+        ),
+    ),
     "stops": (stops, LINEAR._replace(ramps=STOP_RAMPS)),
     "damper in bushings": (linear, LINEAR._replace(compliance=per_axle(1.0 / BUSHING))),
     "asymmetric damper in bushings": (
@@ -100,8 +118,9 @@ DAMPER_RATE = {
         force / DAMPING * (1 + ASYMMETRY) / 2 / np.where(force > 0, ASYMMETRY, 1.0)
     ),
 }
-#: A damper in bushings passes its corner with an error of first order in a step.
-TOLERANCE = {"asymmetric damper in bushings": 1e-3}
+#: A damper in bushings passes its corner with an error of first order in a step; friction of leaves takes the mean of
+#: its envelope in a step, an error of second order.
+TOLERANCE = {"asymmetric damper in bushings": 1e-3, "friction of leaves": 5e-4}
 CHANNELS = ("deflection", "axle_acceleration", "body_acceleration", "tire_force", "suspension_force")
 
 
@@ -111,7 +130,8 @@ def case(request):
     force, law = LAWS[request.param]
     times = np.arange(round(DURATION_S / FINE_S)) * FINE_S
     bushing = {} if law.compliance is None else {"bushing_N_per_m": BUSHING, "damper_rate": DAMPER_RATE[request.param]}
-    return request.param, [Truck(h, force, SLIP_M, **bushing).histories(times) for h in HEIGHTS_M], law
+    rubs = {} if law.sliding is None else {"envelope": envelope}
+    return request.param, [Truck(h, force, SLIP_M, **rubs, **bushing).histories(times) for h in HEIGHTS_M], law
 
 
 def test_every_channel_against_dop853_at_the_default_step(case):

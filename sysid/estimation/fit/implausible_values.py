@@ -26,7 +26,15 @@ MOST_FRICTION = 0.4
 LONGEST_SLIP_M = 0.05
 #: Quantities without effect where they are small, or large: on that side of their prior they may be anything.
 _NOTHING_BELOW = frozenset(
-    {"friction", "slip_length", "damper_rounding", "damper_tail", "progressivity", "stroke_stiffening"}
+    {
+        "friction",
+        "slip_length",
+        "friction_growth",
+        "damper_rounding",
+        "damper_tail",
+        "progressivity",
+        "stroke_stiffening",
+    }
 )
 _NOTHING_ABOVE = frozenset({"damper_knee", "bushing_stiffness"})
 #: Travels to stops and their stiffness are what the runs show of them.

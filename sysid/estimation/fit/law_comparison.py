@@ -26,19 +26,23 @@ from sysid.estimation.fit.law_screen import promising
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.search_plan import base, first_sight, rough_trial, trial
 from sysid.estimation.fit.stop_search import (
-    axles_with_stops,
+    axles_with,
     with_nearer_stops,
     with_released_stops,
     with_stops_that_act,
-    without_stops,
+    without_on_axle,
 )
 from sysid.estimation.fit.thresholds import DECISIVE
-from sysid.estimation.fit.undecided_laws import by_score, by_trial, family_words
+from sysid.estimation.fit.undecided_laws import WORDS, by_score, by_trial, family_words
 from sysid.estimation.parameters.law_families import (
     BILINEAR_FAMILIES,
     FAMILIES,
+    HELPER,
+    LEAF_FRICTION,
     STOPS,
     Laws,
+    with_elements,
+    with_plain_friction,
     without_family,
     without_knees,
 )
@@ -68,6 +72,7 @@ def compare_laws(
         return optimum, LawComparison((trial,), names, by_score(campaign, poor_laws, richest, optimum, ()))
     size = effective_residuals(rich)
     trials = _Trials(LawEvidence(campaign, rich), fitted, rich_laws, rich, poor_laws, poor, size)
+    trials.judge_without(with_plain_friction(trials.laws, poor_laws), WORDS[LEAF_FRICTION])
     for family in FAMILIES:
         without = without_family(campaign.vehicle.axles, trials.laws, poor_laws, family)
         trials.judge_without(without, family_words(family))
@@ -77,10 +82,11 @@ def compare_laws(
         trials.judge_without(without, family_words(family))
     acting = with_stops_that_act(trials.laws, trials.best.optimum)
     trials.take(tuple(law | (given & {STOPS}) for law, given in zip(acting, poor_laws, strict=True)))
-    for axle in axles_with_stops(campaign.vehicle, trials.laws, poor_laws):
-        # One axle may reach its stops and another not: each has to show its own.
-        without = without_stops(campaign.vehicle, trials.laws, axle)
-        trials.judge_without(without, f"stops of axle {axle + 1} within the travel that the runs reach")
+    # One axle may reach its stops, or have helper leaves, and another not: each has to show its own.
+    for element, words in ((HELPER, "helper leaves"), (STOPS, "stops within the travel that the runs reach")):
+        for axle in axles_with(element, campaign.vehicle, trials.laws, poor_laws):
+            without = without_on_axle(element, campaign.vehicle, trials.laws, axle)
+            trials.judge_without(without, f"{words} (axle {axle + 1})")
     laws, undecided = trials.chosen()
     if laws == rich_laws and trials.best.optimum is rich and rich.minimum.converged:
         chosen = rich
@@ -187,7 +193,7 @@ def _enriched(
         if any(STOPS in more for more in added):
             # Other elements imitate a stop that is not there yet, and then hide its travel from the search.
             added = tuple(more & {STOPS} for more in added)
-        laws = tuple(law | more for law, more in zip(laws, added, strict=True))
+        laws = with_elements(laws, added)
         optimum = fitted(laws, optimum, first_sight)
         if any(STOPS in more for more in added):
             optimum = with_nearer_stops(laws, optimum, fitted)

@@ -47,16 +47,16 @@ def with_stops_that_act(laws: Laws, optimum: Optimum) -> Laws:
     return tuple(kept)
 
 
-def axles_with_stops(vehicle: Vehicle, laws: Laws, declared: Laws) -> list[int]:
-    """First axles of the suspensions with undeclared stops."""
+def axles_with(element: str, vehicle: Vehicle, laws: Laws, declared: Laws) -> list[int]:
+    """First axles of the suspensions with an element that nobody declared."""
     all_of = zip(vehicle.suspension_axle, laws, declared, strict=True)
-    return sorted({owner for owner, law, given in all_of if STOPS in law - given})
+    return sorted({owner for owner, law, given in all_of if element in law - given})
 
 
-def without_stops(vehicle: Vehicle, laws: Laws, first: int) -> Laws:
-    """The laws without undeclared stops on the axles of one suspension."""
+def without_on_axle(element: str, vehicle: Vehicle, laws: Laws, first: int) -> Laws:
+    """The laws without an element on the axles of one suspension."""
     owners = zip(vehicle.suspension_axle, laws, strict=True)
-    return tuple(law - {STOPS} if owner == first else law for owner, law in owners)
+    return tuple(law - {element} if owner == first else law for owner, law in owners)
 
 
 def with_nearer_stops(laws: Laws, optimum: Optimum, fitted: Callable[..., Optimum]) -> Optimum:

@@ -24,16 +24,19 @@ from sysid.estimation.fit.law_evidence import Judged, LawEvidence
 from sysid.estimation.fit.law_screen import LawCandidate, Screen, families_of
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
-from sysid.estimation.parameters.law_families import BILINEAR, KNEED, STOPS, Laws
+from sysid.estimation.parameters.law_families import BILINEAR, HELPER, KNEED, LEAF_FRICTION, STOPS, Laws
 from sysid.estimation.parameters.suspension_elements import ELEMENTS, quantities
 
 #: Weight of the choice that was not made below which it is left out.
 LEAST_WEIGHT = 0.05
-_WORDS = {
+#: Elements in words; others have the meaning of the table of elements.
+WORDS = {
     "friction": "friction",
     KNEED: "dampers that are not linear",
     BILINEAR: "dampers that are not symmetric",
     "gas_spring": "springs that stiffen when compressed",
+    LEAF_FRICTION: "friction that grows with the load on leaves and falls with speed",
+    HELPER: "helper leaves",
     STOPS: "stops within the travels that the runs reach",
 }
 
@@ -46,7 +49,7 @@ def weight_of(gain: float) -> float:
 def family_words(family: tuple[str, str]) -> str:
     """A family of elements in words."""
     element, suspension = family
-    return f"{_WORDS.get(element, ELEMENTS[element].meaning)} ({suspension} suspensions)"
+    return f"{WORDS.get(element, ELEMENTS[element].meaning)} ({suspension} suspensions)"
 
 
 def by_trial(words: str, poor: Judged, rich: Judged, gain: float) -> tuple[UndecidedLaw, ...]:

@@ -10,23 +10,28 @@ from sysid.campaign.vehicle_records import Axle
 STOPS = "estimated_bump_stops"
 #: Dampers as they are tried first, and without their knees.
 KNEED, BILINEAR = "asymmetric_damper", "bilinear_damper"
+#: Leaves that act from a compression on, and friction as a force and as leaf packs have it.
+HELPER, FRICTION, LEAF_FRICTION = "helper_spring", "friction", "leaf_friction"
 Laws = tuple[frozenset[str], ...]
 #: Elements worth trying on an axle without a declared law, by the kind of its suspension.
 CANDIDATES = {
-    "leaf": frozenset({"friction", KNEED}),
-    "air": frozenset({"friction", "gas_spring", KNEED}),
-    "other": frozenset({"friction", KNEED}),
+    "leaf": frozenset({FRICTION, LEAF_FRICTION, HELPER, KNEED}),
+    "air": frozenset({FRICTION, "gas_spring", KNEED}),
+    "other": frozenset({FRICTION, HELPER, KNEED}),
 }
 
 #: What is removed at a time: an element of all axles of one kind of suspension.
 FAMILIES = (
-    ("friction", "air"),
-    ("friction", "other"),
-    ("friction", "leaf"),
+    (LEAF_FRICTION, "leaf"),
+    (FRICTION, "air"),
+    (FRICTION, "other"),
+    (FRICTION, "leaf"),
     (KNEED, "air"),
     (KNEED, "other"),
     (KNEED, "leaf"),
     ("gas_spring", "air"),
+    (HELPER, "other"),
+    (HELPER, "leaf"),
     (STOPS, "air"),
     (STOPS, "other"),
     (STOPS, "leaf"),
@@ -61,4 +66,20 @@ def without_knees(laws: Laws, declared: Laws) -> Laws:
     """
     return tuple(
         law - {KNEED} | {BILINEAR} if KNEED in law - given else law for law, given in zip(laws, declared, strict=True)
+    )
+
+
+def with_elements(laws: Laws, added: Laws) -> Laws:
+    """The laws with further elements; friction of leaf packs takes the place of friction as a force."""
+    return tuple(
+        (law | more) - ({FRICTION} if LEAF_FRICTION in law | more else frozenset())
+        for law, more in zip(laws, added, strict=True)
+    )
+
+
+def with_plain_friction(laws: Laws, declared: Laws) -> Laws:
+    """The laws with friction as a force in place of that of leaf packs, unless this is declared."""
+    return tuple(
+        law - {LEAF_FRICTION} | {FRICTION} if LEAF_FRICTION in law - given else law
+        for law, given in zip(laws, declared, strict=True)
     )

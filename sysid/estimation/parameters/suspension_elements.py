@@ -81,7 +81,25 @@ GENERIC_HELPER_STIFFNESS, HELPER_TRAVEL_M, HELPER_SD = 8.0e5, 0.03, 0.8
 #: its logarithm: 2 to 20 MN/m from eyes of 2 to 20 kN/mm (an assumption: general knowledge of rubber in shock absorbers
 #: of trucks).
 BUSHING_STIFFNESS, BUSHING_SD = 6.0e6, 0.7
+#: Of friction between leaves: share of a change of the load on them that it follows, friction of fast sliding over that
+#: of the breakaway, and the rate [m/s] at which it is half way between. Assumptions: dry friction is proportional to
+#: what presses the leaves together, but clips and centre bolts press them too; steel on steel slides with 0.6 to 1 of
+#: the friction at which it breaks away (general knowledge).
+FRICTION_GROWTH, SLIDING_SHARE, SLIDING_RATE_M_S = 0.5, 0.8, 0.1
 
+_FRICTION = ElementQuantity(
+    "friction",
+    "F",
+    "N",
+    False,
+    lambda axle, carried: FRICTION_SHARE[axle.suspension] * carried,
+    1.0,
+    0.0,
+    "friction",
+    # Leaves and bushings rub in proportion to what they carry: one number for all load cases.
+    lambda friction, stiffness, carried, growth: friction * growth,
+)
+_SLIP = ElementQuantity("slip_length", "slip", "m", True, lambda axle, carried: 1e-3, 0.7, 1.0, "slip", decides=False)
 _ASYMMETRY = ElementQuantity("damper_asymmetry", "q", "1", False, lambda axle, carried: 1.5, 0.7, 1.0, "asymmetry")
 _STOP = ElementQuantity("stop_stiffness", "stop", "N/m", False, lambda axle, carried: STOP_STIFFNESS, 0.7, 0.0)
 
@@ -100,20 +118,40 @@ ELEMENTS = {
             "friction",
             "Coulomb friction between leaves or in bushings (Dahl)",
             (
+                _FRICTION,
+                _SLIP,
+            ),
+        ),
+        Element(
+            "leaf_friction",
+            "friction that grows with what presses leaves together, and falls as they slide faster",
+            (
+                _FRICTION,
+                _SLIP,
                 ElementQuantity(
-                    "friction",
-                    "F",
-                    "N",
-                    False,
-                    lambda axle, carried: FRICTION_SHARE[axle.suspension] * carried,
-                    1.0,
+                    "friction_growth",
+                    "growth",
+                    "1",
+                    True,
+                    lambda axle, carried: FRICTION_GROWTH,
+                    0.7,
                     0.0,
-                    "friction",
-                    # Leaves and bushings rub in proportion to what they carry: one number for all load cases.
-                    lambda friction, stiffness, carried, growth: friction * growth,
+                    "friction_growth",
+                    lambda share, stiffness, carried, growth: share * stiffness / carried,
                 ),
                 ElementQuantity(
-                    "slip_length", "slip", "m", True, lambda axle, carried: 1e-3, 0.7, 1.0, "slip", decides=False
+                    "sliding_share", "sliding", "1", True, lambda axle, carried: SLIDING_SHARE, 0.3, 1.0, "sliding"
+                ),
+                ElementQuantity(
+                    "sliding_rate",
+                    "sliding_rate",
+                    "m/s",
+                    True,
+                    lambda axle, carried: SLIDING_RATE_M_S,
+                    1.0,
+                    1.0,
+                    "sliding_rate",
+                    decides=False,
                 ),
             ),
         ),

@@ -11,7 +11,7 @@ import numpy as np
 from sysid.campaign.records import Campaign
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel
-from sysid.estimation.uncertainty.departures import BUSHING, FRICTION, ONE_SIDED, REACH, Departures, departures
+from sysid.estimation.uncertainty.departures import BUSHING, FRICTION, ONE_SIDED, REACH, RIGID, Departures, departures
 from sysid.estimation.uncertainty.uncertain_masses import REACH_SD, UncertainMasses, uncertain_masses
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.passes import EffectiveRoads, Pass
@@ -40,6 +40,7 @@ class Allowances:
     def within_reach(self, amounts: np.ndarray) -> np.ndarray:
         """Amounts (m + n,) within the range that the simulation follows; friction and bushings are not negative.
 
+        Bushings that hardly give way are rigid.  Derivatives step from there: the step is far shorter than what counts.
         An axle's own part goes no further than that range leaves beside the part that all axles have in common.
         """
         masses, amplitudes = self.split(amounts)
@@ -48,6 +49,7 @@ class Allowances:
         reach = np.array([REACH[d.kind] for d in directions])
         least = np.array([0.0 if d.kind in ONE_SIDED else -REACH[d.kind] for d in directions])
         bounded = np.clip(amplitudes, least, reach)
+        bounded[np.array([d.kind == BUSHING for d in directions], bool) & (bounded < RIGID)] = 0.0
         common = self.departures.common(bounded)
         bounded = np.clip(bounded, np.maximum(least, -reach - common), np.minimum(reach, reach - common))
         return np.concatenate([np.clip(masses, -far, far), bounded])

@@ -45,9 +45,9 @@ REACH = {ENVELOPE: 2.0, FOOTPRINT: 0.5, SPOKES: 0.5, TIRE_LOAD: 0.3, FRICTION: 0
 _SOFTER, _STIFFENING = 0.1, 0.1
 #: Slip length of friction that the model does not have: that of the friction law, an assumption.
 _SLIP_M = 1e-3
-#: Amplitude of bushings below which they are rigid: of 1 GN/m, fifty times the stiffest, which give way by a hundredth
-#: of a millimetre under 10 kN.  All simulations would take half as long again for less than anybody could see.
-_RIGID = 1e-3
+#: Amplitude of bushings below which an optimum has none: of 1 GN/m, fifty times the stiffest, which give way by a
+#: hundredth of a millimetre under 10 kN.  Simulations would take half as long again for less than anybody could see.
+RIGID = 1e-3
 #: Padded maps end at multiples of this.
 _WHOLE_M = 1.0
 
@@ -132,9 +132,9 @@ class Departures:
 
     def _bushings(self, amplitudes: np.ndarray, load_cases: Sequence[str]) -> np.ndarray:
         """Stiffness (na,) [N/m] of bushings on axles whose laws have none, infinite where they do not give way."""
-        given = self.spread(BUSHING, amplitudes, load_cases)[0]
+        compliance = _COMPLIANCE * np.maximum(self.spread(BUSHING, amplitudes, load_cases)[0], 0.0)
         with np.errstate(divide="ignore"):
-            return np.asarray(1.0 / (_COMPLIANCE * np.where(given < _RIGID, 0.0, given)))
+            return np.asarray(1.0 / compliance)
 
     @property
     def per_load(self) -> float:

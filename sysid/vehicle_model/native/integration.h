@@ -184,7 +184,7 @@ class Step {
       const SuspensionLaw<V>& law = laws_.suspension[i];
       const V &e0 = first.extension[i], &v0 = first.rate[i];
       if (run_.elements.friction)
-        at.inner.slip[i] = slip_after_step(law, at.inner.slip[i], e0, v0, extension[i], rate[i], h);
+        at.inner.slip[i] = slip_after_step(run_.elements, law, at.inner.slip[i], e0, v0, extension[i], rate[i], h);
       if (!run_.elements.damper_bushing) continue;
       // The rate's parabola through both ends whose mean is that of the step.
       const V bend = 3.0 * (v0 + rate[i]) - (6.0 / h) * (extension[i] - e0);

@@ -33,6 +33,9 @@ struct SuspensionLaw {
   V rebound, compression, corner;      // 2 q / (1 + q), 2 / (1 + q), and their difference
   V common_curvature;                  // what both directions have of the curvature
   V friction, per_slip;                // F_c [N], 1/z_s [1/m]
+  V friction_growth;                   // g [1/m] of friction that follows the load on the leaves
+  V sliding, sticking;                 // r, 1 - r
+  V per_sliding_rate;                  // 1/v_s [s/m]
   V load_share;                        // s of a rocker between springs
   V compliance;                        // 1/k_b of a damper's bushings [m/N]
   std::vector<Ramp<V>> ramps, stops, rate_ramps;
@@ -135,25 +138,48 @@ inline V followed(const Elements& has, const SuspensionLaw<V>& law, const V& u, 
   return second + missed / damper_slope(has, law, second);
 }
 
-// phi after the extension changes in one direction (Dahl): s + (phi - s) exp(-|change| / z_s), s = sgn(change).
+// w(e, v) of leaf packs: friction that they reach in the end, over that at rest.
 template <class V>
-inline V slide(const SuspensionLaw<V>& law, const V& phi, const V& change) {
+inline V envelope(const SuspensionLaw<V>& law, const V& e, const V& v) {
+  const V relative = v * law.per_sliding_rate;
+  return positive(1.0 + -(law.friction_growth * e)) * (law.sliding + law.sticking * reciprocal(1.0 + relative * relative));
+}
+
+// phi after the extension changes in one direction (Dahl): s w + (phi - s w) exp(-|change| / z_s), s = sgn(change).
+template <class V>
+inline V slide(const Elements& has, const SuspensionLaw<V>& law, const V& phi, const V& change, const V& w) {
   const Scalar<V> sign = select(value(change) == 0.0, Scalar<V>{}, sign_of(value(change)));
-  const V direction = constant_row<V>(sign);
-  return direction + (phi - direction) * exponential(-(absolute(change) * law.per_slip));
+  const V end = has.leaf_friction ? sign * w : constant_row<V>(sign);
+  return end + (phi - end) * exponential(-(absolute(change) * law.per_slip));
+}
+
+// phi after the extension goes from e0 to where it turns, and on to e; without turns, straight there.
+template <class V, class Mask>
+inline V slide_and_back(const Elements& has, const SuspensionLaw<V>& law, const V& phi, const V& e0, const V& v0,
+                        const V& turned, const Mask& turns, const V& e, const V& v) {
+  V before{}, after{};
+  if (has.leaf_friction) {
+    const V start = envelope(law, e0, v0);
+    const V between = any(turns) ? select(turns, envelope(law, turned, V{}), start) : start;
+    before = 0.5 * (start + between);
+    after = 0.5 * (between + envelope(law, e, v));
+  }
+  if (!any(turns)) return slide(has, law, phi, e - e0, after);
+  return slide(has, law, slide(has, law, phi, turned - e0, before), e - turned, after);
 }
 
 // phi at a stage `tau` into the step, from the parabola through the step's start (extension e0, rate v0) and the
-// stage's extension e: where it turns in between the element slides to the turning point and back.
+// stage's extension e, its rate v: where it turns in between the element slides to the turning point and back.
 template <class V>
-inline V slip_at_stage(const SuspensionLaw<V>& law, const V& phi, const V& e0, const V& v0, double tau, const V& e) {
+inline V slip_at_stage(const Elements& has, const SuspensionLaw<V>& law, const V& phi, const V& e0, const V& v0,
+                       double tau, const V& e, const V& v) {
   const Scalar<V> straight = tau * value(v0);
   const auto turns = value(v0) * (straight + 2.0 * (value(e) - value(e0) - straight)) < 0.0;
-  if (!any(turns)) return slide(law, phi, e - e0);
+  if (!any(turns)) return slide_and_back(has, law, phi, e0, v0, e0, turns, e, v);
   const V reach = tau * v0, bend = e - e0 - reach;
   const V one = constant_row<V>(Scalar<V>{} + 1.0);
   const V turned = e0 - select(turns, reach * reach, V{}) / (4.0 * select(turns, bend, one));
-  return slide(law, slide(law, phi, turned - e0), e - turned);
+  return slide_and_back(has, law, phi, e0, v0, turned, turns, e, v);
 }
 
 // Root in [0, 1] of the rate v0 + b s + a s^2 of the cubic between both ends of a step of unit length.
@@ -169,15 +195,14 @@ inline S turning_point(S change, S v0, S v1) {
 // phi at the end of a step, through the turning point of the cubic between extension and rate at both ends; the rate
 // vanishes there, so the exact derivative needs no derivative of its place.
 template <class V>
-inline V slip_after_step(const SuspensionLaw<V>& law, const V& phi, const V& e0, const V& v0, const V& e1, const V& v1,
-                         double h) {
+inline V slip_after_step(const Elements& has, const SuspensionLaw<V>& law, const V& phi, const V& e0, const V& v0,
+                         const V& e1, const V& v1, double h) {
   const auto turns = value(v0) * value(v1) < 0.0;
   const V change = e1 - e0;
-  if (!any(turns)) return slide(law, phi, change);
+  if (!any(turns)) return slide_and_back(has, law, phi, e0, v0, e0, turns, e1, v1);
   const Scalar<V> s = turning_point(value(change), h * value(v0), h * value(v1)), rest = 1.0 - s;
   const V cubic = e0 + s * ((h * rest * rest) * v0 + s * ((3.0 - 2.0 * s) * change - (h * rest) * v1));
-  const V turned = select(turns, cubic, e0);
-  return slide(law, slide(law, phi, turned - e0), e1 - turned);
+  return slide_and_back(has, law, phi, e0, v0, V(select(turns, cubic, e0)), turns, e1, v1);
 }
 
 // The law of an axle, without its ramps.
@@ -204,6 +229,12 @@ inline SuspensionLaw<V> suspension_law(const Elements& has, const Coefficients<V
   if (has.saturating) law.common_curvature = has.asymmetric ? law.compression * law.curvature : law.curvature;
   law.friction = c.friction;
   law.per_slip = reciprocal(c.slip);
+  if (has.leaf_friction) {
+    law.friction_growth = c.friction_growth;
+    law.sliding = c.sliding;
+    law.sticking = 1.0 + -law.sliding;
+    law.per_sliding_rate = reciprocal(c.sliding_rate);
+  }
   law.load_share = c.load_share;
   law.compliance = c.compliance;
   return law;

@@ -347,8 +347,8 @@ void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, dou
     if (stage == nullptr)
       out.pull[i] += law.friction * inner.slip[i];
     else
-      out.pull[i] += law.friction * slip_at_stage(law, inner.slip[i], stage->extension[i], stage->rate[i], stage->tau,
-                                                  out.extension[i]);
+      out.pull[i] += law.friction * slip_at_stage(run.elements, law, inner.slip[i], stage->extension[i],
+                                                  stage->rate[i], stage->tau, out.extension[i], out.rate[i]);
   }
   if (run.elements.equaliser) share(run, laws, out.pull);
   for (int i = 0; i < na; ++i) {
