@@ -79,6 +79,9 @@ class FrameBending:
     `x_m` and `rise` are points of its shape, front to rear; none for that of a uniform beam. `frequency_sd` is the
     standard deviation of the frequency's logarithm, 0.1 for a frame with a hammer test or a computation (an
     assumption); a search begins at `start_hz`, None for `frequency_hz`.
+
+    With `own_mass` the frame is rigid, and what moves is a part of the body on springs of its own, such as a cab:
+    (mass [kg], position x [m]).
     """
 
     frequency_hz: float
@@ -87,6 +90,7 @@ class FrameBending:
     rise: tuple[float, ...] = ()
     frequency_sd: float = 0.1
     start_hz: float | None = None
+    own_mass: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,7 @@ ReasonKind = Literal[
     "not_converged",
     "no_fit",
     "parts_disagree",
+    "balance_disagrees",
     "unexplained",
     "impossible_value",
     "sampler",
@@ -49,6 +50,20 @@ ReasonKind = Literal[
     "doubtful_input",
     "not_sampled",
     "none",
+    "friction",
+    "leaf",
+    "helper",
+    "bushing",
+    "damper",
+    "air_spring",
+    "stops",
+    "bump",
+    "own_springs",
+    "mass",
+    "sensor",
+    "clock",
+    "place",
+    "load_case",
 ]
 #: Those with which nobody should rely on the numbers and their intervals.
 FORBIDDING: tuple[Trust, ...] = ("do_not_bet", "not_yet")

@@ -49,7 +49,7 @@ def judge(results: Results) -> Judgement:
         ("do_not_bet", _unexplained(results)),
         ("use_within", _limits(results)),
     )
-    found = [reason for _, reasons in levels for reason in reasons]
+    found = list(dict.fromkeys(reason for _, reasons in levels for reason in reasons))
     trust: Trust = next((level for level, reasons in levels if reasons), "use")
     if not found:
         found = [Reason("none", "The calibration has converged, and parts of the data agree about k and c.")]
@@ -121,7 +121,11 @@ def _unexplained(results: Results) -> list[Reason]:
                     f"does to {listing(untold)}.",
                 )
             )
+        if reasons:
+            reasons += [Reason(c.kind, c.sentence) for c in results.fit.causes]
         reasons += [Reason("impossible_value", s) for s in results.fit.impossible]
+        if apart := _balance_apart(results):
+            reasons.append(Reason("balance_disagrees", apart))
     if results.posterior is not None:
         reasons += [Reason("sampler", w) for w in results.posterior.against_intervals]
     return reasons
@@ -143,6 +147,42 @@ def _disagreement(differences: Iterable[PartDifference]) -> str:
     return (
         f"Parts of the data disagree: {'; '.join(clauses)}. The truck does something that the model does not describe, "
         "and values may be wrong by more than their intervals."
+    )
+
+
+#: Elements of laws that the force balance knows, too: with others, its k and c are those of another truck.
+_BALANCED = frozenset(
+    {"friction", "asymmetric_damper", "bilinear_damper", "gas_spring", "damper_bushing", "estimated_bump_stops"}
+)
+
+
+def _balance_apart(results: Results) -> str:
+    """What the force balance, which knows no road, says against k and c of the fit, in a sentence; empty if nothing."""
+    from scipy.stats import norm
+
+    from sysid.balance.evidence import disagreement
+    from sysid.estimation.parameters.suspension_elements import law_elements
+    from sysid.estimation.uncertainty.part_agreement import ACCEPTED, CHANCE
+
+    fit, balance = results.fit, results.balance
+    if fit is None or balance is None or not balance.converged:
+        return ""
+    laws = {p.axle: law_elements(p.law) for p in fit.parameters if p.quantity == "damping"}
+    known = {e.name for e in balance.estimates if e.determined and laws.get(e.axle, _BALANCED) <= _BALANCED}
+    compared = [d for d in disagreement(balance, fit) if d.name in known]
+    edge = norm.isf(0.5 * CHANCE / max(len(compared), 1))
+    apart = [(d, math.log(d.balance / d.fit)) for d in compared if abs(d.in_sd) > edge]
+    clauses = [
+        f"{in_words(d.name)} {percent(abs(math.expm1(x)))} {'higher' if x > 0.0 else 'lower'} "
+        f"(chance alone: {percent(abs(x / d.in_sd))})"
+        for d, x in apart
+        if abs(x) > ACCEPTED[d.quantity]
+    ]
+    if not clauses:
+        return ""
+    return (
+        f"The balance of forces, which knows no road, finds {listing(clauses, _NAMED)} than the calibration. One of "
+        "both does not describe the truck: bump and tires are in the calibration alone."
     )
 
 
@@ -175,6 +215,7 @@ def _limits(results: Results) -> list[Reason]:
         reasons.append(Reason("not_sampled", sentence))
     if results.fit is not None:
         reasons += [Reason("undeclared_part", s) for s in results.fit.proposals]
+        reasons += [Reason(c.kind, c.sentence) for c in results.fit.causes if not c.modelled]
         reasons += [Reason("doubtful_input", s) for s in results.fit.doubts]
         if widened := [d for d in results.fit.parts if d.seen and not d.forbids]:
             sentence = _disagreement(widened).split(". ")[0]

@@ -141,6 +141,8 @@ def _shape(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[Callable[[float
     assert declared is not None
     frame = _frame(vehicle, body, case)
     half, cg_x, mass, inertia = frame.half, frame.cg_x, frame.mass, frame.inertia
+    if declared.own_mass is not None:
+        return _own_mass(frame, *declared.own_mass)
     at_ends = case.frame_masses[body].at_ends if case.frame_masses else None
     places, shares = mass_along(*frame.moments, _body_words(vehicle, body, case), at_ends)
     x, lumps = frame.middle + half * places, mass * shares
@@ -167,6 +169,19 @@ def _shape(vehicle: Vehicle, body: int, case: LoadCase) -> tuple[Callable[[float
         return float(plain(np.array(at)) - heave - pitch * (at - cg_x))
 
     return rise, modal_mass
+
+
+def _own_mass(frame: _Frame, part: float, x_m: float) -> tuple[Callable[[float], float], float]:
+    """phi of a rigid frame, and the modal mass [kg], for a part of its mass on springs of its own.
+
+    The mode has no momentum and no moment of momentum: while the part rises by 1 relative to the frame below it, the
+    frame rises by phi = -part (1 / m + (x_part - x_cg) (x - x_cg) / I), and the modal mass is part (1 + phi(x_part)).
+    """
+
+    def rise(at: float) -> float:
+        return -part * (1.0 / frame.mass + (x_m - frame.cg_x) * (at - frame.cg_x) / frame.inertia)
+
+    return rise, part * (1.0 + rise(x_m))
 
 
 def _body_words(vehicle: Vehicle, body: int, case: LoadCase) -> str:

@@ -120,6 +120,7 @@ def _envelope(law: SuspensionLaw, extension: RunsByAxlesBySets, rate: RunsByAxle
 
 def _slide(law: SuspensionLaw, slip: RunsByAxlesBySets, change: jax.Array, envelope: jax.Array) -> jax.Array:
     """phi after the extension changes by `change` in one direction: s w + (phi - s w) exp(-|change| / z_s)."""
+    assert law.slip is not None
     end = jnp.sign(change) * envelope
     return end + (slip - end) * jnp.exp(-jnp.abs(change) / law.slip)
 

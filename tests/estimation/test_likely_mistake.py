@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -12,6 +12,7 @@ import pytest
 from rigid_truck import AXLES, DAMPING, EMPTY, LADEN, STIFFNESS, VEHICLE, bump, campaign, empty_run, with_values
 
 from sysid.campaign.records import Campaign, Channel
+from sysid.estimation.fit.fit_result import Cause
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.likely_mistake import NAMED_SHARE, MistakeScore, likely_mistake, mistake_scores, named_mistake
@@ -80,7 +81,11 @@ def at_x(place: float) -> Callable[[Channel], Channel]:
 
 def sentence_of(data: Campaign) -> str | None:
     optimum = optimise(data, campaign_parameters(data, None), PROFILES, OPTIONS, unwatched)
-    return likely_mistake(data, optimum)
+    return sentence(likely_mistake(data, optimum))
+
+
+def sentence(causes: Sequence[Cause]) -> str | None:
+    return causes[0].sentence if causes else None
 
 
 @pytest.mark.parametrize(
@@ -92,8 +97,10 @@ def test_a_truck_unlike_its_model_is_accused_of_nothing(friction: float, contact
     if friction or contact != "footprint":
         assert optimum.misfit > 1.3  # so that there is reason to look
     scores = mistake_scores(data, optimum)
-    assert all(score.share < 0.25 * NAMED_SHARE for score in scores if score.whole)
-    assert named_mistake(data, scores) is None
+    # A part on springs may have any mass, so one fits a little to anything.
+    most = {"own springs": 0.4}
+    assert all(score.share < most.get(score.candidate.kind, 0.25) * NAMED_SHARE for score in scores if score.whole)
+    assert named_mistake(data, scores) == ()
 
 
 @pytest.mark.parametrize("column", ["axle2_lvdt", "frame1_accel", "axle3_accel"])
@@ -156,13 +163,13 @@ def score(share: float, amplitude: float = 1.0, column: str = "axle1_lvdt", kind
 
 def test_only_a_large_share_that_one_step_takes_is_named():
     data = measured()
-    assert named_mistake(data, []) is None
-    assert named_mistake(data, [score(0.9 * NAMED_SHARE)]) is None
-    assert named_mistake(data, [score(0.9, amplitude=0.2)]) is None
-    assert "90 %" in (named_mistake(data, [score(0.9)]) or "")
+    assert named_mistake(data, []) == ()
+    assert named_mistake(data, [score(0.9 * NAMED_SHARE)]) == ()
+    assert named_mistake(data, [score(0.9, amplitude=0.2)]) == ()
+    assert "90 %" in (sentence(named_mistake(data, [score(0.9)])) or "")
     other = score(0.85, column="axle2_lvdt")
-    both = named_mistake(data, [score(0.9), other])
+    both = sentence(named_mistake(data, [score(0.9), other]))
     assert both is not None
     assert "It may as well (85 %) be that the sensor 'axle2_lvdt'" in both
     # Three that say the same say nothing.
-    assert named_mistake(data, [score(0.9), other, score(0.84, column="axle3_lvdt")]) is None
+    assert named_mistake(data, [score(0.9), other, score(0.84, column="axle3_lvdt")]) == ()

@@ -40,32 +40,15 @@ def rough_road(truck: IndependentTruck, rng: np.random.Generator):
     return lambda s: jnp.sum(amplitude * jnp.sin(wave * s[..., None] + phase), axis=-1)
 
 
-def element_force(truck: IndependentTruck, stiffness, carried):
-    """Forces [N] of springs, of dampers and stops, and friction of the leaves, over extension and its rate.
-
-    Those of springs, dampers and stops are positive in tension, over extension from rest under the loads `carried`.
-    """
+def element_force(truck: IndependentTruck, stiffness):
+    """Forces [N] of springs, and of dampers and stops, over extension and its rate, positive in tension."""
     each = truck.elements or (Elements(),) * len(truck.x_m)
     column = {n: jnp.asarray([getattr(e, n) for e in each]) for n in Elements.__dataclass_fields__ if n != "air"}
     a, b = jnp.asarray([e.air for e in each]).T
     c = jnp.asarray(truck.damping)
 
-    helper, begins = column["helper_N_per_m"], column["helper_m"]
-    first = (np.array(next(iter(truck.load_cases.values()))[0]) - np.array(truck.unsprung_kg)) * GRAVITY
-    further = carried - first
-    # How far a heavier load compresses both stages.
-    rest_at = jnp.where(
-        further > stiffness * begins, (further + helper * begins) / (stiffness + helper), further / stiffness
-    )
-
     def spring(x):
-        stage = helper * (jnp.maximum(rest_at - begins, 0.0) - jnp.maximum(rest_at - x - begins, 0.0))
-        return stiffness * x * (1.0 - a * x / 2 + b * x**2 / 3) + stage
-
-    def breakaway(x, rate):
-        pressed = jnp.maximum(carried - column["friction_by_load"] * spring(x), 0.0)
-        slow = jnp.exp(-jnp.abs(rate) / column["sliding_m_per_s"])
-        return column["friction_share"] * pressed * (column["sliding_share"] + (1.0 - column["sliding_share"]) * slow)
+        return stiffness * x * (1.0 - a * x / 2 + b * x**2 / 3)
 
     def rest(x, rate):
         ratio = jnp.where(rate < 0.0, column["bump_ratio"], column["rebound_ratio"])
@@ -74,7 +57,7 @@ def element_force(truck: IndependentTruck, stiffness, carried):
         stop = column["stop_N_per_m"] * (pulled * (1.0 + pulled / 0.015) - pushed * (1.0 + pushed / 0.015))
         return damper + stop
 
-    return spring, rest, breakaway, column["slip_length_m"]
+    return spring, rest, column["friction_share"], column["slip_length_m"]
 
 
 def shortening(s, h, radius):
@@ -147,7 +130,8 @@ def simulate(
     radius, x = jnp.asarray(truck.radius_m), jnp.asarray(truck.x_m)
     sine, cosine, turn = jnp.sin(SPOKES), jnp.cos(SPOKES), float(SPOKES[1] - SPOKES[0])
     rough = rough_road(truck, np.random.default_rng(truck.road_seed))
-    spring_force, other_force, friction, slip = element_force(truck, m["suspension"], m["carried"])
+    spring_force, other_force, share, slip = element_force(truck, m["suspension"])
+    breakaway = share * m["carried"]
 
     def dot(a, v):
         return jnp.einsum("rij,rj->ri", a, v)
@@ -173,8 +157,8 @@ def simulate(
             + dot(m["drive"], along)
             + leaning
         )
-        # The envelopes of loading and unloading are approached over the slip length (Fancher et al. 1980).
-        rubbing_rate = (friction(length, length_rate) * length_rate - jnp.abs(length_rate) * rubbing) / slip
+        toward = jnp.where(breakaway > 0.0, rubbing / jnp.where(breakaway > 0.0, breakaway, 1.0), 0.0)
+        rubbing_rate = breakaway / slip * (length_rate - jnp.abs(length_rate) * toward)
         return motion, rubbing_rate, vertical
 
     def derivative(t, state):
@@ -204,7 +188,7 @@ def simulate(
     def at_rest(q):
         # Nothing holds a truck fore and aft: the smallest motion that balances everything else.
         def left(flat):
-            return forces(0.0, flat.reshape(q.shape), still, jnp.zeros_like(m["carried"]))[0].ravel()
+            return forces(0.0, flat.reshape(q.shape), still, breakaway * 0.0)[0].ravel()
 
         for _ in range(8 if load_shift else 0):  # Newton's method
             q = q - jnp.linalg.lstsq(jax.jacfwd(left)(q.ravel()), left(q.ravel()))[0].reshape(q.shape)
@@ -219,7 +203,7 @@ def simulate(
 
         return jax.lax.scan(sample, state, jnp.arange(round(seconds / interval_s)))[1]
 
-    return np.asarray(all_steps((at_rest(still), still, jnp.zeros_like(m["carried"]))))
+    return np.asarray(all_steps((at_rest(still), still, jnp.zeros_like(breakaway))))
 
 
 def peak_ratios(truck: IndependentTruck, passes: tuple[tuple[str, float], ...]) -> np.ndarray:

@@ -30,13 +30,10 @@ class Bending:
 class Elements:
     """What the suspension of an axle has beside its spring and damper; none of it by default.
 
-    `friction_share` of the static force of the suspension, reached over some `slip_length_m`; damper force c q' r / (1
-    + |q'| / knee), r = `bump_ratio` in compression and `rebound_ratio` in rebound; air spring k q (1 + a q / 2 + b q^2
-    / 3) with `air` = (a [1/m], b [1/m2]), its k as the static force to the power `load_exponent`; helper leaves of
-    `helper_N_per_m` from a compression of `helper_m` on, counted from rest in the first load case; friction that
-    follows the share `friction_by_load` of a change of the load on the leaves, and falls exponentially with their rate
-    to the share `sliding_share`, over `sliding_m_per_s`; stops beyond the travels, which are `declared` or not, k_s d
-    (1 + d / 15 mm).
+    `friction_share` of the static force of the suspension, reached over some `slip_length_m`; damper force
+    c q' r / (1 + |q'| / knee), r = `bump_ratio` in compression and `rebound_ratio` in rebound; air spring
+    k q (1 + a q / 2 + b q^2 / 3) with `air` = (a [1/m], b [1/m2]), its k as the static force to the power
+    `load_exponent`; stops beyond the travels, which are `declared` or not, k_s d (1 + d / 15 mm).
     """
 
     friction_share: float = 0.0
@@ -46,11 +43,6 @@ class Elements:
     knee_m_per_s: float = 1e9
     air: tuple[float, float] = (0.0, 0.0)
     load_exponent: float = 0.0
-    helper_N_per_m: float = 0.0
-    helper_m: float = 1.0
-    friction_by_load: float = 0.0
-    sliding_share: float = 1.0
-    sliding_m_per_s: float = 1.0
     jounce_m: float = 1.0
     rebound_m: float = 1.0
     stop_N_per_m: float = 2.0e6

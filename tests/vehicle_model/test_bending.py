@@ -12,6 +12,7 @@ from hand_written_truck import DURATION_S, FINE_S, POINTS_M, SPEED_M_S, Bend, Tr
 from independent_truck import Bending, Equations, IndependentTruck
 from rigid_truck import AXLES, DAMPING, EMPTY, LADEN, STIFFNESS, VEHICLE
 from scipy.integrate import quad
+from scipy.linalg import eigh
 from scipy.optimize import brentq, fsolve
 from simulated_truck import per_axle, simulated_truck, truck_model
 
@@ -47,6 +48,26 @@ def test_a_uniform_beam_is_exact():
         exact = np.cosh(b * t) + np.cos(b * t) - ratio * (np.sinh(b * t) + np.sin(b * t))
         assert mode.rise(length * t) == pytest.approx(exact, abs=1e-9)
     assert (mode.rise(0.0), mode.rise(3.0)) == pytest.approx((2.0, -1.2156), abs=1e-4)
+
+
+def test_a_part_on_springs_of_its_own_moves_as_the_eigenvector_of_frame_and_part():
+    """A cab of 700 kg over the front axle: heave and pitch of the frame below it, and its own heave, by eigh."""
+    mass, inertia, length, part, at, spring = 8000.0, 24000.0, 6.0, 700.0, 0.4, 110e3
+    vehicle, case = beam(mass, inertia, length)
+    own = FrameBending(HZ, RATIO, own_mass=(part, at))
+    (mode,) = frame_modes(replace(vehicle, bodies=(Body("beam", bending=own),)), case)
+    rest, centre = mass - part, 0.5 * length
+    below = (mass * centre - part * at) / rest
+    pitch = inertia - part * (at - centre) ** 2 - rest * (below - centre) ** 2
+    # Coordinates: rise of the frame's own centre, its slope, rise of the part.
+    stretch = np.array([-1.0, -(at - below), 1.0])
+    squared, vectors = eigh(spring * np.outer(stretch, stretch), np.diag([rest, pitch, part]))
+    vector = vectors[:, -1] / (stretch @ vectors[:, -1])
+    for x in (0.0, 2.0, 6.0):
+        assert mode.rise(x) == pytest.approx(vector[0] + vector[1] * (x - below), rel=1e-9)
+    assert mode.modal_mass == pytest.approx(spring / squared[-1], rel=1e-9)
+    # Without the heave of the frame it would move less.
+    assert abs(vector[0]) > 0.05
 
 
 @pytest.mark.parametrize("share", [0.05, 0.1, 0.2])

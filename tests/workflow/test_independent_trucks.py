@@ -170,35 +170,3 @@ def test_laws_and_parts_that_nobody_declared(tmp_path, truck, of_k, of_c):
     worst = errors(fitted(tmp_path, truck), truck)
     assert worst["stiffness"] < of_k
     assert worst["damping"] < of_c
-
-
-TWO_STAGES = Elements(helper_N_per_m=6e5, helper_m=0.018)
-
-
-def test_helper_leaves_that_nobody_declared(tmp_path):
-    """On the drive axles only, where they carry the load; the steer axle gets none."""
-    truck = replace(RUBBING, stiffness=(4.3e5, 4.4e5, 4.8e5), elements=(Elements(), TWO_STAGES, TWO_STAGES))
-    result = fitted(tmp_path, truck)
-    worst = errors(result, truck)
-    assert worst["stiffness"] < 0.006
-    assert worst["damping"] < 0.006
-    found = {p["name"]: p["least_squares"]["value"] for p in result["parameters"] if "helper" in p["name"]}
-    assert set(found) == {"helper_2", "helper_travel_2", "helper_3", "helper_travel_3"}
-    for axle in (2, 3):
-        assert found[f"helper_{axle}"] == pytest.approx(6e5, rel=0.02)
-        assert found[f"helper_travel_{axle}"] == pytest.approx(0.018, rel=0.03)
-
-
-def test_leaf_packs_whose_friction_grows_with_load_and_falls_with_speed(tmp_path):
-    """Another curve over speed than that of the program: k and c are held, which friction as a force does not."""
-    pack = Elements(
-        friction_share=0.09, slip_length_m=0.004, friction_by_load=1.0, sliding_share=0.65, sliding_m_per_s=0.08
-    )
-    truck = replace(RUBBING, elements=(pack,) * 3)
-    result = fitted(tmp_path / "found", truck)
-    worst = errors(result, truck)
-    assert worst["stiffness"] < 0.02
-    assert worst["damping"] < 0.05
-    found = {p["name"]: p["least_squares"]["value"] for p in result["parameters"]}
-    assert found["growth"] == pytest.approx(1.0, abs=0.4)
-    assert found["sliding"] == pytest.approx(0.65, abs=0.15)

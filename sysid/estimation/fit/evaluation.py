@@ -13,8 +13,8 @@ from sysid.campaign.clocks.moved import on_moved_clocks
 from sysid.campaign.records import Campaign
 from sysid.campaign.statics import carried_by_suspensions
 from sysid.errors import DataRejectedError
-from sysid.estimation.fit.fit_result import FitResult, MassCheck, UndecidedLaw
-from sysid.estimation.fit.found_bushings import found_bushings
+from sysid.estimation.fit.fit_result import Cause, FitResult, MassCheck, UndecidedLaw
+from sysid.estimation.fit.found_departures import found_departures
 from sysid.estimation.fit.implausible_values import implausible_values
 from sysid.estimation.fit.minimiser import Minimum
 from sysid.estimation.fit.optimum import Optimum
@@ -94,6 +94,7 @@ def evaluate_optimum(
     determined = assess(estimates, shared, adjusted.data)
     checks = _mass_checks(allowances.masses, adjusted.response, shared)
     warnings = fit_warnings(minimum, (optimum.misfit, optimum.over_instruments), halving, difference, determined)
+    departed = found_departures(allowances, adjusted.response, shared)
     implausible = implausible_values(estimates, _carried(campaign))
     values = (*implausible.impossible, *implausible.contradict)
     point = replace(_fit_point(problem, vector, adjusted, shared), clocks=optimum.clocks)
@@ -116,8 +117,9 @@ def evaluate_optimum(
         model_error_inflation=float(np.sqrt(np.mean(adjusted.inflation))),
         contact=CONTACT_LAWS[options.contact].meaning,
         residual_evidence=at_optimum.evidence,
-        warnings=(*found_bushings(allowances, adjusted.response, shared), *warnings, *_mass_warnings(checks), *values),
-        doubts=(*numerical_doubts(halving, difference), *_mass_warnings(checks), *implausible.contradict),
+        warnings=(*(c.sentence for c in departed), *warnings, *_mass_warnings(checks), *values),
+        doubts=(*numerical_doubts(halving, difference), *implausible.contradict),
+        causes=(*departed, *(Cause("mass", s) for s in _mass_warnings(checks))),
         impossible=implausible.impossible,
         masses=checks,
         identifiability=determined,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from sysid.arrays import ParametersByParameters
 from sysid.estimation.parameters.estimate import ParameterEstimate
@@ -21,6 +21,25 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+#: What may lie behind records that the declared truck does not explain: physics of its suspensions, a bump that is not
+#: as scanned, a part on springs of its own, declared masses, and how sensors, axles and runs are entered.
+CauseKind = Literal[
+    "friction",
+    "leaf",
+    "helper",
+    "bushing",
+    "damper",
+    "air_spring",
+    "stops",
+    "bump",
+    "own_springs",
+    "mass",
+    "sensor",
+    "clock",
+    "place",
+    "load_case",
+]
+
 _PARAMETER_COLUMNS = (
     "name",
     "axle",
@@ -34,6 +53,18 @@ _PARAMETER_COLUMNS = (
     "prior_sd",
     "identified",
 )
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Something that the campaign file does not say and the records show: its `kind`, and a `sentence` about it.
+
+    What is `modelled` is in the calibrated model.
+    """
+
+    kind: CauseKind
+    sentence: str
+    modelled: bool = False
 
 
 @dataclass(frozen=True)
@@ -141,7 +172,8 @@ class FitResult(Tabular):
     - `undeclared_rockers` and `undeclared_frames` are rockers and bending frames that the campaign file does not
       declare but the residuals show (:mod:`sysid.estimation.fit.part_search`): they are part of the model;
     - `doubts` are those `warnings` that make the values doubtful and that none of the other fields says: numerical
-      errors, declared masses that the data contradict, a likely mistake in the campaign file;
+      errors, values that contradict what was declared;
+    - `causes`: what the records show that the campaign file does not say, by kind;
     - `parts` says of stiffness and damping how far parts of the data disagree;
     - `impossible` are those `warnings` that name values that no truck has
       (:mod:`sysid.estimation.fit.implausible_values`);
@@ -176,6 +208,7 @@ class FitResult(Tabular):
     misfit: float = float("nan")
     undeclared_frames: tuple[UndeclaredFrame, ...] = ()
     doubts: tuple[str, ...] = ()
+    causes: tuple[Cause, ...] = ()
     impossible: tuple[str, ...] = ()
     parts: tuple[PartDifference, ...] = ()
     further: FurtherUnknowns | None = None

@@ -57,6 +57,8 @@ REWEIGHTED = 2
 SHARES, WORSE = (1.0, 0.5, 0.25), 1.05
 #: A cost that grows by no more than this is not larger: where the model fits perfectly, ratios of costs are rounding.
 _SAME_COST = 1.0
+#: The last search goes on so many times longer: what still falls by parts in a hundred thousand is not at its end.
+_LONGER = 5
 #: Before the last round searches need not be exact.
 _ROUGH_TOLERANCE = 1e-5
 _UNSETTLED = "masses and tires did not settle: another model may be needed"
@@ -105,6 +107,7 @@ def joint_optimum(
     """
     rough = options.phase(weight_rounds=0, tolerance=_ROUGH_TOLERANCE, larger_steps=True)
     reweighted, final = replace(rough, weight_rounds=min(options.weight_rounds, 1)), options.phase(weight_rounds=0)
+    final = replace(final, max_iterations=_LONGER * final.max_iterations)
     optimum = _with_frame_shapes(campaign, optimum, profiles, options, reweighted, report)
     before: _Step | None = None
     weighed = REWEIGHTED

@@ -15,7 +15,7 @@ from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.estimation.fit.contact_trials import contact_trials
 from sysid.estimation.fit.evaluation import evaluate_optimum
-from sysid.estimation.fit.fit_result import FitResult, LawComparison
+from sysid.estimation.fit.fit_result import Cause, CauseKind, FitResult, LawComparison
 from sysid.estimation.fit.joint_optimum import joint_optimum
 from sysid.estimation.fit.law_comparison import compare_laws
 from sysid.estimation.fit.law_screen import largest_gain
@@ -28,15 +28,37 @@ from sysid.estimation.fit.search_plan import Plan, before_joint, first_sight
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.fit.travel_scan import with_touched_stops
+from sysid.estimation.fit.undecided_laws import WORDS
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters, declared_laws
-from sysid.estimation.parameters.law_families import Laws, richest_laws
+from sysid.estimation.parameters.law_families import (
+    BILINEAR,
+    FRICTION,
+    HELPER,
+    KNEED,
+    LEAF_FRICTION,
+    STOPS,
+    Laws,
+    richest_laws,
+)
 from sysid.estimation.parameters.rockers import load_shares
 from sysid.estimation.parameters.suspension_elements import law_elements
 from sysid.estimation.parameters.undeclared_parts import NO_PARTS, UndeclaredParts, undeclared_frames
+from sysid.numbers import listing
 from sysid.progress import Progress, unwatched
 from sysid.road.road_profile import RoadProfile
 from sysid.runtime import forget_compiled
 from sysid.sdof.drop_results import DropSummary
+
+#: Kind of what each undeclared element says of a truck.
+CAUSES: dict[str, CauseKind] = {
+    FRICTION: "friction",
+    LEAF_FRICTION: "leaf",
+    HELPER: "helper",
+    KNEED: "damper",
+    BILINEAR: "damper",
+    "gas_spring": "air_spring",
+    STOPS: "stops",
+}
 
 
 def fit_with_laws(
@@ -83,7 +105,9 @@ def fit_with_laws(
     added = {rocker.name for rocker in parts.rockers}
     rockers = tuple(s for s in load_shares(campaign.vehicle, fit.parameters) if s.name in added)
     frames = undeclared_frames(campaign.vehicle, parts, fit.parameters)
-    mistake = None if parts else likely_mistake(campaign, chosen)
+    # A good median hides what acts on few channels; parts of the data that disagree show it.
+    doubted = any(part.forbids for part in fit.parts)
+    mistakes = () if parts else likely_mistake(campaign, chosen, whatever_left=doubted)
     trials = contact_trials(campaign, chosen, profiles, options, report) if options.contact_spread else ()
     fit = replace(
         fit,
@@ -92,9 +116,9 @@ def fit_with_laws(
         law_comparison=comparison,
         contact_trials=trials,
     )
-    mistakes = (mistake,) if mistake else ()
-    warnings = (*fit.proposals, *mistakes, *fit.warnings)
-    return replace(fit, warnings=warnings, doubts=(*mistakes, *fit.doubts)), state
+    warnings = (*fit.proposals, *(m.sentence for m in mistakes), *fit.warnings)
+    found = found_elements(campaign, chosen, declared_laws(campaign))
+    return replace(fit, warnings=warnings, causes=(*mistakes, *found, *fit.causes)), state
 
 
 @dataclass(frozen=True)
@@ -183,6 +207,25 @@ class _Choice:
 
     def _comparing(self, message: str, fraction: float) -> None:
         self.report(f"comparing suspension laws, {message}", fraction)
+
+
+def found_elements(campaign: Campaign, optimum: Optimum, declared: Laws) -> tuple[Cause, ...]:
+    """Elements of the laws of an optimum that the campaign file does not declare, each with its axles."""
+    laws, owner = laws_at_optimum(campaign.vehicle, optimum), campaign.vehicle.suspension_axle
+    suspended = sorted(set(owner))
+    causes = []
+    for element, kind in CAUSES.items():
+        axles = [i for i in suspended if element in laws[i] - declared[i]]
+        if axles:
+            causes.append(
+                Cause(
+                    kind,
+                    f"Undeclared {WORDS[element]} (axles {listing([str(i + 1) for i in axles])}) explain much of what "
+                    "the records show, and are in the model; what is left may be more of the same.",
+                    modelled=True,
+                )
+            )
+    return tuple(causes)
 
 
 def laws_at_optimum(vehicle: Vehicle, optimum: Optimum) -> Laws:

@@ -22,7 +22,7 @@ from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.estimation.fit.fit_result import LawComparison, LawTrial, UndecidedLaw
 from sysid.estimation.fit.law_evidence import Judged, LawEvidence
-from sysid.estimation.fit.law_screen import promising
+from sysid.estimation.fit.law_screen import deciding_gain, promising
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.search_plan import base, first_sight, rough_trial, trial
 from sysid.estimation.fit.stop_search import (
@@ -72,10 +72,11 @@ def compare_laws(
         return optimum, LawComparison((trial,), names, by_score(campaign, poor_laws, richest, optimum, ()))
     size = effective_residuals(rich)
     trials = _Trials(LawEvidence(campaign, rich), fitted, rich_laws, rich, poor_laws, poor, size)
-    trials.judge_without(with_plain_friction(trials.laws, poor_laws), WORDS[LEAF_FRICTION])
+    plain, family = with_plain_friction(trials.laws, poor_laws), (LEAF_FRICTION, "leaf")
+    trials.judge_without(plain, WORDS[LEAF_FRICTION], deciding_gain(family))
     for family in FAMILIES:
         without = without_family(campaign.vehicle.axles, trials.laws, poor_laws, family)
-        trials.judge_without(without, family_words(family))
+        trials.judge_without(without, family_words(family), deciding_gain(family))
     trials.judge_without(without_knees(trials.laws, poor_laws), "knees in the laws of dampers")
     for family in BILINEAR_FAMILIES:
         without = without_family(campaign.vehicle.axles, trials.laws, poor_laws, family)
@@ -121,19 +122,20 @@ class _Trials:
         self.made.append(_trial(rich_laws, self.best, self._gain(self._base, self.best)))
         self._judged: set[tuple[Laws, Laws]] = set()
         self._open: list[tuple[Laws, UndecidedLaw]] = []
-        self._left_to_all = False
+        # What decides between the best laws and those of the campaign file.
+        self._left_to_all, self._deciding = False, DECISIVE
 
     def _gain(self, other: Judged, optimum: Judged) -> float:
         extra = optimum.count - other.count
         return float(2.0 * (other.evidence.cost - optimum.evidence.cost) - extra * np.log(self._size))
 
-    def judge_without(self, laws: Laws, words: str) -> None:
-        """Take poorer laws unless the criterion becomes worse by a decisive amount; `words` for what they lack."""
+    def judge_without(self, laws: Laws, words: str, deciding: float = DECISIVE) -> None:
+        """Take poorer laws unless the criterion becomes worse by what decides; `words` for what they lack."""
         if laws == self.laws or (self.laws, laws) in self._judged:
             return
         if laws == self._poor_laws:
             # The best laws as a whole are compared with these in the end.
-            self._left_to_all = True
+            self._left_to_all, self._deciding = True, deciding
             return
         if _sure(self.best, self.laws, laws, self._size):
             return
@@ -141,8 +143,8 @@ class _Trials:
         candidate = self._fit(laws)
         gain = self._gain(candidate, self.best)
         lacks = tuple(more - less for more, less in zip(self.laws, laws, strict=True))
-        self._open += [(lacks, law) for law in by_trial(words, candidate, self.best, gain)]
-        if gain < DECISIVE:
+        self._open += [(lacks, law) for law in by_trial(words, candidate, self.best, gain, deciding)]
+        if gain < deciding:
             self.laws, self.best = laws, candidate
 
     def take(self, laws: Laws) -> None:
@@ -158,8 +160,8 @@ class _Trials:
     def chosen(self) -> tuple[Laws, tuple[UndecidedLaw, ...]]:
         """The laws of the campaign file or the best of the trials, and what is not decided about them."""
         gain = self._gain(self._base, self.best)
-        of_all = by_trial(_ALL, self._base, self.best, gain)
-        if gain < DECISIVE:
+        of_all = by_trial(_ALL, self._base, self.best, gain, self._deciding)
+        if gain < self._deciding:
             return self._poor_laws, of_all
         # What a later trial has changed is no longer open.
         kept = [law for lacks, law in self._open if _still_so(lacks, law.is_chosen, self.laws)]

@@ -23,12 +23,15 @@ from sysid.estimation.fit.law_evidence import LawEvidence
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.axle_laws import ElementIndex, LawInputs
-from sysid.estimation.parameters.law_families import FAMILIES, STOPS, Laws
+from sysid.estimation.parameters.law_families import FAMILIES, FRICTION, LEAF_FRICTION, STOPS, Laws
 from sysid.estimation.parameters.suspension_elements import TRAVELS, ElementQuantity, quantities
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, difference_columns
 
+#: Odds, before any data, of elements that one would not bet against: leaves that lie on each other rub, and whether
+#: more under load and less while they slide fast is an even bet (assumptions).
+ODDS = {(FRICTION, "leaf"): 10.0, (LEAF_FRICTION, "leaf"): 1.0}
 #: Share of its prior scale by which a parameter is moved from its neutral value.
 STEP = 0.1
 #: Share of the largest expected gain that further elements must have to be fitted together with it.
@@ -73,9 +76,10 @@ def promising(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum)
     while len(chosen) < len(families):
         before = screen.gain(taken, size)
         open_ones = {f: screen.gain([*taken, *m], size) - before for f, m in families.items() if f not in chosen}
-        best = max(open_ones, key=lambda f: open_ones[f])
-        if open_ones[best] < max(DECISIVE, WORTH * first):
+        enough = {f: g for f, g in open_ones.items() if g >= deciding_gain(f) and (not chosen or g >= WORTH * first)}
+        if not enough:
             break
+        best = max(enough, key=lambda f: enough[f])
         first = first or open_ones[best]
         chosen.append(best)
         taken += families[best]
@@ -85,6 +89,14 @@ def promising(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum)
         frozenset(e for e, kind in chosen if kind == axle.suspension and e in rich - law)
         for axle, law, rich in zip(axles, laws, rich_laws, strict=True)
     )
+
+
+def deciding_gain(family: tuple[str, str]) -> float:
+    """Gain in the information criterion from which on axles of one kind of suspension have an element.
+
+    Twice the logarithm of the odds against it before any data; without such odds, what counts as decisive.
+    """
+    return -2.0 * float(np.log(ODDS[family])) if family in ODDS else DECISIVE
 
 
 def largest_gain(campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum) -> float:

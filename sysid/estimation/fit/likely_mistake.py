@@ -17,7 +17,8 @@ from itertools import islice
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.fit.mistake_candidates import WHOLE, Directions, MistakeCandidate
+from sysid.estimation.fit.fit_result import Cause
+from sysid.estimation.fit.mistake_candidates import Directions, MistakeCandidate
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.residuals.by_group import too_many
@@ -50,11 +51,14 @@ class MistakeScore:
     @property
     def whole(self) -> bool:
         """Whether one linear step goes about as far as the full mistake."""
-        return WHOLE[0] <= self.amplitude <= WHOLE[1]
+        return self.candidate.is_whole(self.amplitude)
 
 
-def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, ...]:
-    """Score test of every possible mistake, the largest share first; none where residuals are those of the noise."""
+def mistake_scores(campaign: Campaign, optimum: Optimum, *, whatever_left: bool = False) -> tuple[MistakeScore, ...]:
+    """Score test of every possible mistake, the largest share first; none where residuals are those of the noise.
+
+    With `whatever_left` also where they are below :data:`MISFIT`, if they are above the noise at all.
+    """
     problem = optimum.problem.with_weights(_plain_weights(optimum))
     model = problem.model
     lins = problem.linearise(optimum.vector)
@@ -63,7 +67,8 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
         float(group.measured[:, np.isfinite(noise)].sum())
         for group, noise in zip(model.groups, problem.weights.noise_sd, strict=True)
     )
-    if total < MISFIT**2 * count:
+    least = 1.0 if whatever_left else MISFIT**2
+    if total < least * count:
         return ()
     allowances = without_friction(campaign, model.parameters, model.felt)
     plausible = [PLAUSIBLE[d.kind] for d in allowances.departures.directions]
@@ -80,7 +85,7 @@ def mistake_scores(campaign: Campaign, optimum: Optimum) -> tuple[MistakeScore, 
         equations = NormalEquations.of(data.matrix, data.score, prior=prior, pull=prior_pull, sd=with_candidates)
         all_else = slice(problem.count + sd.size)
         left = total - 2.0 * equations.only(all_else).gain - count
-        if left < (MISFIT**2 - 1.0) * count:
+        if left <= (least - 1.0) * count:
             break
         tests = zip(*equations.eliminate(all_else).left.score_tests(), strict=True)
         for (candidate, _), (gain, amplitude) in zip(chosen, tests, strict=True):
@@ -93,7 +98,7 @@ def _best_sizes(scores: Sequence[MistakeScore]) -> tuple[MistakeScore, ...]:
     """The best size of every mistake, the largest share first; a size reached by one full step is preferred."""
     best: dict[MistakeCandidate, MistakeScore] = {}
     for score in sorted(scores, key=lambda s: (s.whole, s.share)):
-        best[replace(score.candidate, size=0.0)] = score
+        best[replace(score.candidate, size=0.0, hz=0.0)] = score
     return tuple(sorted(best.values(), key=lambda s: -s.share))
 
 
@@ -107,32 +112,33 @@ def _plain_weights(optimum: Optimum) -> Weights:
     return Weights(known, tuple(np.ones_like(n) for n in known))
 
 
-def likely_mistake(campaign: Campaign, optimum: Optimum) -> str | None:
-    """A sentence about the one mistake that explains most of the misfit, None where none explains a large share.
+def likely_mistake(campaign: Campaign, optimum: Optimum, *, whatever_left: bool = False) -> tuple[Cause, ...]:
+    """The one mistake that explains most of the misfit, none where none explains a large share.
 
     Parameters
     ----------
     campaign : as fitted.
     optimum : of the laws that were chosen.
+    whatever_left : whether it is looked for in residuals near the noise, too.
     """
-    return named_mistake(campaign, mistake_scores(campaign, optimum))
+    return named_mistake(campaign, mistake_scores(campaign, optimum, whatever_left=whatever_left))
 
 
-def named_mistake(campaign: Campaign, scores: Sequence[MistakeScore]) -> str | None:
-    """The sentence for scores, the largest share first."""
+def named_mistake(campaign: Campaign, scores: Sequence[MistakeScore]) -> tuple[Cause, ...]:
+    """The cause that scores name, the largest share first; none or one."""
     possible = [s for s in scores if s.whole]
     if not possible or possible[0].share < NAMED_SHARE:
-        return None
+        return ()
     best = possible[0]
     rivals = [s for s in possible[1:] if s.share > AS_GOOD * best.share]
     if len(rivals) > 1:
-        return None
+        return ()
     percent = f"{100.0 * min(best.share, 1.0):.0f} %"
     sentence = (
         f"One mistake would explain {percent} of what the residuals hold beyond the noise: probably "
-        f"{best.candidate.sentence(campaign)}."
+        f"{best.candidate.at(best.amplitude).sentence(campaign)}."
     )
     for rival in rivals:
         share = f"{100.0 * min(rival.share, 1.0):.0f} %"
-        sentence += f" It may as well ({share}) be that {rival.candidate.sentence(campaign)}."
-    return sentence
+        sentence += f" It may as well ({share}) be that {rival.candidate.at(rival.amplitude).sentence(campaign)}."
+    return (Cause(best.candidate.cause, sentence),)

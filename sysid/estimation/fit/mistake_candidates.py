@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Literal
 
 import numpy as np
 
 from sysid.arrays import Parameters
 from sysid.campaign.records import Campaign, Sensor
+from sysid.campaign.vehicle_records import FrameBending
+from sysid.estimation.fit.fit_result import CauseKind
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
@@ -21,7 +24,7 @@ from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.residual_columns import ResidualColumns, signal_residuals
 from sysid.wording import shorten
 
-MistakeKind = Literal["sign", "lag", "clock", "scale", "frame place", "axle place", "load case"]
+MistakeKind = Literal["sign", "lag", "clock", "scale", "frame place", "axle place", "load case", "own springs"]
 #: Sizes that are tried, in the unit of the kind (s, 1, m). The best of them is the direction of the test, with its full
 #: size, because a step of 20 ms or 0.3 m is not linear in the residuals. Smaller sizes are usual mounting errors of
 #: sensors, or departures of the model.
@@ -30,6 +33,20 @@ _TRIED: dict[MistakeKind, tuple[float, ...]] = {
     "scale": (0.08, 0.12, 0.18, 0.27, 0.4, 0.6, 0.9, 1.5, 2.5),
     "frame place": (0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 4.5, 7.0),
     "axle place": (0.1, 0.2, 0.4),
+}
+#: Mass [kg] that is tried on springs of its own, frequencies [Hz] and damping ratio on these: cabs and engines of
+#: trucks (assumptions).  What it does grows in proportion, so it may be any share of the body's mass between these.
+_PART_KG, _PART_HZ, _PART_RATIO = 50.0, (1.2, 1.6, 2.1, 2.8, 3.7, 5.0), 0.15
+_ANY: dict[MistakeKind, tuple[float, float]] = {"own springs": (0.01, 0.5)}
+_CAUSES: dict[MistakeKind, CauseKind] = {
+    "sign": "sensor",
+    "lag": "sensor",
+    "scale": "sensor",
+    "clock": "clock",
+    "frame place": "place",
+    "axle place": "place",
+    "load case": "load_case",
+    "own springs": "own_springs",
 }
 #: Range of the linear step, as a fraction of such a direction, that counts as the full mistake: it is either there or
 #: not.
@@ -42,8 +59,9 @@ Residuals = list[tuple[np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True)
 class MistakeCandidate:
-    """One possible mistake: its kind, its `size` in the unit of the kind (lag and clock s, scale 1 more, places m), and
-    the sensor, logger, axle (index), or run and load case that it is about.
+    """One possible mistake: its kind, its `size` in the unit of the kind (lag and clock s, scale 1 more, places m, part
+    on own springs as share of its body), and the sensor, logger, axle (index), or run and load case that it is about; a
+    part on springs of its own is in a `body` (index), over `axle`, at a frequency `hz`.
     """
 
     kind: MistakeKind
@@ -53,6 +71,24 @@ class MistakeCandidate:
     run: int | None = None
     load_case: str = ""
     logger: str = ""
+    body: int = 0
+    hz: float = 0.0
+
+    @property
+    def cause(self) -> CauseKind:
+        """The kind of cause that this mistake is."""
+        return _CAUSES[self.kind]
+
+    def is_whole(self, amplitude: float) -> bool:
+        """Whether a linear step of so many times the size goes about as far as the full mistake, or as one may."""
+        if self.kind in _ANY:
+            least, most = _ANY[self.kind]
+            return least <= amplitude * self.size <= most
+        return WHOLE[0] <= amplitude <= WHOLE[1]
+
+    def at(self, amplitude: float) -> MistakeCandidate:
+        """The candidate with the size that a linear step finds, where its kind may have any."""
+        return replace(self, size=self.size * amplitude) if self.kind in _ANY else self
 
     def sentence(self, campaign: Campaign) -> str:
         """What is probably wrong and by how much, and the remedy: the part of the sentence after "probably"."""
@@ -70,6 +106,14 @@ class MistakeCandidate:
             return (
                 f"{shorten(run.log.file, 100)} was driven in the load case '{shorten(self.load_case)}', not "
                 f"'{shorten(run.load_case)}': correct its load_case, or check that this is the log of that run"
+            )
+        if self.kind == "own springs":
+            assert self.axle is not None
+            name = campaign.vehicle.bodies[self.body].name
+            return (
+                f"a part of the body '{shorten(name)}' stands on springs of its own near axle {self.axle + 1}, about "
+                f"{100.0 * self.size:.2g} % of its mass at {self.hz:.1f} Hz: a cab, an engine or cargo. The model has "
+                "no such part; lock it for the test, or expect errors of k and c there"
             )
         if self.kind == "clock":
             return (
@@ -117,6 +161,20 @@ class Directions:
         yield from self._of_sensors(base, here)
         yield from self._of_axles(here)
         yield from self._of_load_cases(here)
+        yield from self._of_own_springs(here)
+
+    def _of_own_springs(self, here: Residuals) -> Iterator[tuple[MistakeCandidate, tuple[ResidualColumns, ...]]]:
+        vehicle, cases = self.campaign.vehicle, self.campaign.load_cases
+        for axle, hz in product(range(len(vehicle.axles)), _PART_HZ):
+            body = vehicle.axles[axle].body
+            whole = next(iter(cases.values())).sprung_mass_kg[body]
+            if vehicle.bodies[body].bending is not None:
+                continue
+            part = FrameBending(hz, _PART_RATIO, own_mass=(_PART_KG, vehicle.axles[axle].x_m))
+            bodies = tuple(replace(b, bending=part) if i == body else b for i, b in enumerate(vehicle.bodies))
+            trial = self.model.with_vehicle(replace(vehicle, bodies=bodies), cases)
+            candidate = MistakeCandidate("own springs", _PART_KG / whole, axle=axle, body=body, hz=hz)
+            yield candidate, _columns(self._simulated(trial), here)
 
     def _simulated(self, trial: BumpModel) -> Residuals:
         return signal_residuals(self.model, self.weights, simulate_runs(trial, self.log_parameters, self.motion))

@@ -3,7 +3,10 @@
 A law is chosen from a gain of :data:`~sysid.estimation.fit.thresholds.DECISIVE` on: there, having the element and not
 having it count as equally likely. With the gain g as twice the logarithm of a Bayes factor, the element has the weight
 
-    w = 1 / (1 + exp(-(g - DECISIVE) / 2)).
+    w = 1 / (1 + exp(-(g - DECISIVE) / 2)),
+
+or with another deciding gain where one would bet on the element before any data
+(:func:`sysid.estimation.fit.law_screen.deciding_gain`).
 
 The parameters x of both choices differ by delta, each with masses and tires free. With the chosen ones kept as the
 estimate, the choice that was not made adds w' delta delta' to their covariance, w' its weight (the second moment of the
@@ -21,7 +24,7 @@ from scipy.special import expit
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.fit_result import UndecidedLaw
 from sysid.estimation.fit.law_evidence import Judged, LawEvidence
-from sysid.estimation.fit.law_screen import LawCandidate, Screen, families_of
+from sysid.estimation.fit.law_screen import LawCandidate, Screen, deciding_gain, families_of
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.law_families import BILINEAR, HELPER, KNEED, LEAF_FRICTION, STOPS, Laws
@@ -41,9 +44,9 @@ WORDS = {
 }
 
 
-def weight_of(gain: float) -> float:
-    """Weight of laws with a gain over others."""
-    return float(expit(0.5 * (gain - DECISIVE)))
+def weight_of(gain: float, deciding: float = DECISIVE) -> float:
+    """Weight of laws with a gain over others, one half at the gain that decides."""
+    return float(expit(0.5 * (gain - deciding)))
 
 
 def family_words(family: tuple[str, str]) -> str:
@@ -52,14 +55,16 @@ def family_words(family: tuple[str, str]) -> str:
     return f"{WORDS.get(element, ELEMENTS[element].meaning)} ({suspension} suspensions)"
 
 
-def by_trial(words: str, poor: Judged, rich: Judged, gain: float) -> tuple[UndecidedLaw, ...]:
-    """Whether the data decide between the optima of two laws; `gain` of the richer one."""
-    chosen = gain >= DECISIVE
+def by_trial(
+    words: str, poor: Judged, rich: Judged, gain: float, deciding: float = DECISIVE
+) -> tuple[UndecidedLaw, ...]:
+    """Whether the data decide between the optima of two laws; `gain` of the richer one, and what decides."""
+    chosen = gain >= deciding
     here, there = (rich, poor) if chosen else (poor, rich)
     other, own = _by_name(there), _by_name(here)
     names = tuple(name for name in own if name in other)
     shift = tuple(other[name] - own[name] for name in names)
-    return _if_open(UndecidedLaw(words, gain, weight_of(gain), chosen, names, shift))
+    return _if_open(UndecidedLaw(words, gain, weight_of(gain, deciding), chosen, names, shift))
 
 
 def by_score(
@@ -85,7 +90,7 @@ def by_score(
             # As in a fit, every parameter that the elements bring counts, not only those that decide.
             gain = screen.gain(possible, size) - _further_parameters(possible) * np.log(size)
             # A linear step promises more than a fit keeps: it makes no law likelier than not.
-            weight, shift = min(weight_of(gain), 0.5), screen.shift(possible)
+            weight, shift = min(weight_of(gain, deciding_gain(family)), 0.5), screen.shift(possible)
             found += _if_open(UndecidedLaw(family_words(family), gain, weight, False, names, tuple(shift.tolist())))
     return tuple(found)
 

@@ -85,8 +85,7 @@ def campaign_allowances(campaign: Campaign, parameters: ParameterSet, felt: Effe
     ----------
     felt : effective roads of the wheels over the bumps in the model.
     """
-    directions = departures(felt, campaign.load_cases_in_use, modelled(parameters))
-    return Allowances(uncertain_masses(campaign), directions)
+    return _allowances(campaign, felt, modelled(parameters))
 
 
 def modelled(parameters: ParameterSet) -> set[tuple[str, int]]:
@@ -98,5 +97,9 @@ def modelled(parameters: ParameterSet) -> set[tuple[str, int]]:
 def without_friction(campaign: Campaign, parameters: ParameterSet, felt: EffectiveRoads) -> Allowances:
     """Allowances for a comparison in which friction is one of the laws that are compared."""
     rubbing = {(FRICTION, i) for i in range(len(campaign.vehicle.axles))}
-    directions = departures(felt, campaign.load_cases_in_use, modelled(parameters) | rubbing)
-    return Allowances(uncertain_masses(campaign), directions)
+    return _allowances(campaign, felt, modelled(parameters) | rubbing)
+
+
+def _allowances(campaign: Campaign, felt: EffectiveRoads, known: set[tuple[str, int]]) -> Allowances:
+    driven = {run.bump for run in campaign.bump_runs}
+    return Allowances(uncertain_masses(campaign), departures(felt, campaign.load_cases_in_use, known, driven))

@@ -30,9 +30,10 @@ LoadChanges: TypeAlias = Callable[[Sequence[str]], RunsByAxles]
 #: Kinds of departures: how the tire envelops the bump (0 for the chosen contact law, 1 for another one); size of the
 #: footprint (logarithm of the factor on the tire stiffness for which it is computed); stiffening of single spokes
 #: (exponent in addition to that of the law); tire stiffness in a further load case (logarithm); friction over the
-#: carried load; compliance of the rubber bushings in series with an axle's dampers [mm/kN].
+#: carried load; compliance of the rubber bushings in series with an axle's dampers [mm/kN]; height of the driven bumps
+#: over that of their scans, less one: bumps give way under wheels.
 ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD = "envelope", "footprint", "spokes", "tire_load"
-FRICTION, BUSHING = "friction", "bushing"
+FRICTION, BUSHING, BUMP = "friction", "bushing", "bump"
 #: Kinds whose amplitudes are not negative: friction that pushes, and rubber that pushes back, do not exist.
 ONE_SIDED = (FRICTION, BUSHING)
 #: Amplitude in SI units: mm/kN in m/N.
@@ -40,7 +41,7 @@ _COMPLIANCE = 1e-6
 #: No draw of a vehicle departs further than this, two to three and a third times the scale that is plausible without
 #: data (:data:`sysid.estimation.uncertainty.departure_scale.PLAUSIBLE`): an assumption, as a
 #: direction holds near the model only.
-REACH = {ENVELOPE: 2.0, FOOTPRINT: 0.5, SPOKES: 0.5, TIRE_LOAD: 0.3, FRICTION: 0.1, BUSHING: 0.8}
+REACH = {ENVELOPE: 2.0, FOOTPRINT: 0.5, SPOKES: 0.5, TIRE_LOAD: 0.3, FRICTION: 0.1, BUSHING: 0.8, BUMP: 0.15}
 #: Steps of log stiffness and of the spokes' exponent from which the directions of contact are differences.
 _SOFTER, _STIFFENING = 0.1, 0.1
 #: Slip length of friction that the model does not have: that of the friction law, an assumption.
@@ -79,10 +80,14 @@ class Departure:
 
 @dataclass(frozen=True)
 class Departures:
-    """The directions of one vehicle over its bumps; `roads` are the effective roads of its wheels at amplitude 0."""
+    """The directions of one vehicle over its bumps; `roads` are the effective roads of its wheels at amplitude 0.
+
+    `driven` are the bumps that runs went over, whose heights they show.
+    """
 
     roads: EffectiveRoads
     directions: tuple[Departure, ...]
+    driven: frozenset[str] = frozenset()
     # Maps of a bump take a while: they are made once.
     _blends: dict[tuple[Pass, ...], BlendedRoad] = field(default_factory=dict, repr=False, compare=False)
 
@@ -162,10 +167,12 @@ class Departures:
         if not self.directions and (load_changes is None or not load_changes.any()):
             return self.roads.stacked(passes)
         cases = [p.load_case for p in passes]
-        envelope, footprint, spokes = (self.spread(kind, amplitudes, cases) for kind in (ENVELOPE, FOOTPRINT, SPOKES))
+        kinds = ENVELOPE, FOOTPRINT, SPOKES, BUMP
+        envelope, footprint, spokes, higher = (self.spread(kind, amplitudes, cases) for kind in kinds)
         if load_changes is not None:
             footprint = footprint + self.per_load * load_changes
-        return self.blend(tuple(passes)).moved(envelope, footprint, spokes)
+        higher[[p.bump not in self.driven for p in passes]] = 0.0
+        return self.blend(tuple(passes)).moved(envelope, footprint, spokes, higher)
 
     def model(
         self,
@@ -223,8 +230,14 @@ class BlendedRoad:
     footprint: EffectiveRoad
     spokes: EffectiveRoad
 
-    def moved(self, envelope: RunsByAxles, footprint: RunsByAxles, spokes: RunsByAxles) -> EffectiveRoad:
-        """The road with amplitudes (R, na); splines are linear in their values, so coefficients add up."""
+    def moved(
+        self, envelope: RunsByAxles, footprint: RunsByAxles, spokes: RunsByAxles, higher: RunsByAxles
+    ) -> EffectiveRoad:
+        """The road with amplitudes (R, na); splines are linear in their values, so coefficients add up.
+
+        What a bump adds to a flat road, its effective height and how it changes the footprint, is in proportion to its
+        height.
+        """
         base = self.base
         assert base.stretch is not None
         assert base.drag is not None
@@ -237,30 +250,35 @@ class BlendedRoad:
             total = np.array(getattr(base, name))
             for amplitude, way in used:
                 total += amplitude * getattr(way, name)
-            return total
+            return total * (1.0 + higher[..., None]) if higher.any() else total
 
         return base._replace(rise=sum_of("rise"), stretch=sum_of("stretch"), drag=sum_of("drag"))
 
 
 def departures(
-    roads: EffectiveRoads, used_cases: Sequence[str], modelled: Collection[tuple[str, int]] = ()
+    roads: EffectiveRoads,
+    used_cases: Sequence[str],
+    modelled: Collection[tuple[str, int]] = (),
+    driven: Collection[str] = (),
 ) -> Departures:
     """Directions of a vehicle in the load cases in use.
 
     Parameters
     ----------
     modelled : kinds and axles of what is no departure, because the law of the axle has it or is compared for it.
+    driven : bumps that runs go over.
     """
     axles = range(len(roads.vehicle.axles))
     first = next(iter(roads.load_cases))
     directions = [Departure(kind, i, case) for kind in (ENVELOPE, FOOTPRINT) for case in used_cases for i in axles]
     directions += [Departure(TIRE_LOAD, i, case) for case in used_cases if case != first for i in axles]
     # Other contact laws have no spokes.
+    directions += [Departure(BUMP, i) for i in axles if driven]
     directions += [Departure(SPOKES, i) for i in axles if CONTACT_LAWS[roads.contact].follows_tires]
     suspended = sorted(set(roads.vehicle.suspension_axle))
     directions += [Departure(kind, i) for kind in ONE_SIDED for i in suspended if (kind, i) not in modelled]
     common = [Departure(kind, None) for kind in dict.fromkeys(d.kind for d in directions)]
-    return Departures(roads, (*directions, *common))
+    return Departures(roads, (*directions, *common), frozenset(driven))
 
 
 class _Padded(EffectiveRoads):

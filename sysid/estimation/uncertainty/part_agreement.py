@@ -25,7 +25,7 @@ from sysid.estimation.parameters.parameter_set import Parameter
 from sysid.estimation.uncertainty.normal_equations import NormalEquations
 
 #: Probability that any difference of a right model is called one.
-_CHANCE = 0.01
+CHANCE = 0.01
 #: Quantities that are compared, and by how much parts may differ in them for somebody to rely on the whole: what the
 #: program claims for stiffness and damping of a truck that its model describes.
 ACCEPTED = {"stiffness": 0.02, "damping": 0.05}
@@ -122,7 +122,7 @@ def part_agreement(
         both = of_part.covariance @ _in_units(of_priors) @ of_rest.covariance
         spread = of_part.variances + of_rest.variances - 2.0 * np.diag(both)
         found.append((part, rest, difference[compared], np.sqrt(np.maximum(spread[compared], 0.0))))
-    edge = norm.isf(0.5 * _CHANCE / max(len(found) * len(compared), 1))
+    edge = norm.isf(0.5 * CHANCE / max(len(found) * len(compared), 1))
     differences, rows = [], np.zeros((len(found), len(parameters)))
     for row, (part, rest, difference, spread) in zip(rows, found, strict=True):
         row[compared] = np.where(np.abs(difference) > edge * spread, 0.5 * difference, 0.0)
