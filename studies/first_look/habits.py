@@ -1,9 +1,9 @@
 """Folders in the habits of other people, and what `init` makes of them.
 
-    python -m studies.first_look.habits [--half 1] [--seed 2] [--document FILE]
+    python -m studies.first_look.habits [--phrases phrases_2.toml] [--half 1] [--seed 2] [--document FILE]
 
 Every folder holds some logs of a simulated truck in one of eight formats. Columns and files are named by phrases of one
-language (`phrases.toml`); there are other columns that loggers have, and holes: an axle that was not dropped in a load
+language (`phrases.toml`, `phrases_2.toml`); there are other columns that loggers have, and holes: an axle that was not dropped in a load
 case, a speed that was not driven.
 """
 
@@ -64,10 +64,9 @@ class Score:
 class Writer:
     """Writes one folder from the logs of a campaign, with phrases drawn from one half of the lists of a language."""
 
-    def __init__(self, campaign: Path, axles: int, language: str, half: int, random: random.Random) -> None:
+    def __init__(self, campaign: Path, axles: int, lists: Mapping[str, Any], half: int, random: random.Random) -> None:
         self.campaign, self.axles, self.random, self.half = campaign, axles, random, half
-        lists = tomllib.loads((Path(__file__).parent / "phrases.toml").read_text(encoding="utf-8"))
-        self.lists: Mapping[str, Any] = lists[language]
+        self.lists = lists
         self.tables = tomllib.loads((campaign / "campaign.toml").read_text(encoding="utf-8"))
         self.style = random.choice(("number", "place", "corner") if axles == 2 else ("number", "place"))
         self.sides = random.choice(self._half(self.lists["sides"])) if random.random() < 0.5 else None
@@ -278,6 +277,7 @@ def _row(title: str, scores: Sequence[Score]) -> str:
 def main() -> None:
     """Write the table to the terminal, and into a document that has a place for it."""
     parser = argparse.ArgumentParser()
+    parser.add_argument("--phrases", default="phrases.toml", choices=("phrases.toml", "phrases_2.toml"))
     parser.add_argument("--half", type=int, default=1, choices=(0, 1))
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--folders", type=int, default=40)
@@ -286,12 +286,13 @@ def main() -> None:
     arguments = parser.parse_args()
     rigid = simulated(arguments.output, "rigid3")
     trucks = ((rigid, 2), (rigid, 3), (ROOT / "examples" / "linear_truck", 6))
+    phrases = tomllib.loads((Path(__file__).parent / arguments.phrases).read_text(encoding="utf-8"))
     scores: dict[str, list[Score]] = {language: [] for language in LANGUAGES}
     for index in range(arguments.folders):
         draw = random.Random(1000 * arguments.seed + index)
         language = LANGUAGES[index % len(LANGUAGES)]
         campaign, axles = draw.choice(trucks)
-        writer = Writer(campaign, axles, language, arguments.half, draw)
+        writer = Writer(campaign, axles, phrases[language], arguments.half, draw)
         folder = writer.write(arguments.output / "habits" / f"{language}-{index:02d}", index // len(LANGUAGES))
         score = Score()
         judge(folder, first_look(folder.path), score)
