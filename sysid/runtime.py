@@ -8,8 +8,9 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -86,31 +87,34 @@ def _say(sentence: str) -> None:
 
 def cache_folder() -> Path:
     """Folder for functions compiled by JAX, one per version of JAX; as :func:`private_cache`."""
-    import jax
-
-    return private_cache(f"jax-{jax.__version__}", check_owner_of_all)
+    return private_cache(f"jax-{version('jax')}", check_owner_of_all)
 
 
 def configure() -> None:
     """Switch JAX to 64-bit floats and the processor, keep its compiled functions between runs, and share few heaps.
 
+    In a process of our own that has not loaded JAX, its environment says so to it: what needs no JAX does not load it.
     A cache folder that cannot be written is done without, and so is, with a warning, one that others can write to
     (:func:`private_cache`).  SysidError in a process that was forked from one that had computed.
     """
     refuse_fork()
     _use_few_heaps()
+    settings: dict[str, Any] = {"jax_enable_x64": True}
+    with suppress(NotPrivateError, OSError):
+        settings |= {
+            "jax_compilation_cache_dir": str(cache_folder()),
+            "jax_persistent_cache_min_compile_time_secs": 0.1,
+        }
+    if _Process.ours and "jax" not in sys.modules:
+        if not any(os.environ.get(name) for name in ("JAX_PLATFORMS", "JAX_PLATFORM_NAME", "JAX_DEFAULT_DEVICE")):
+            settings["jax_platforms"] = "cpu"
+        os.environ |= {name.upper(): str(value) for name, value in settings.items()}
+        return
     import jax
 
-    if _Process.ours:
-        _keep_what_is_imported()
-    jax.config.update("jax_enable_x64", True)
+    for name, value in settings.items():
+        jax.config.update(name, value)
     _use_the_processor()
-    try:
-        folder = cache_folder()
-    except (NotPrivateError, OSError):
-        return
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
 
 def _use_the_processor() -> None:
@@ -306,6 +310,8 @@ def require_64_bit() -> None:
     refuse_fork()
     import jax
 
+    if _Process.ours:
+        _keep_what_is_imported()
     if not jax.config.read("jax_enable_x64"):
         raise SysidError(
             "Least squares needs 64-bit floats; call jax.config.update('jax_enable_x64', True) before the first use."

@@ -262,12 +262,30 @@ def test_an_upward_import_is_seen(own: str, source: str):
         ),
         ("import sysid.vehicle_model.vibration_modes, sysid.road.effective", ("emcee", "jax", "pandas")),
         ("import sysid.posterior.sampled_posterior", ("emcee", "jax", "pandas", "scipy")),
+        # What `check` needs.
+        ("import sysid.bookkeeping.check; from sysid.workflow import Calibration", ("emcee", "jax", "matplotlib")),
     ],
 )
 def test_light_packages_load_nothing_heavy(statement: str, absent: tuple[str, ...]):
     code = f"import sys\n{statement}\nprint(*sorted(set({absent!r}) & sys.modules.keys()))"
     result = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == ""
+
+
+def test_check_in_a_new_folder_loads_no_jax(tmp_path: Path):
+    code = (
+        "import sys\n"
+        "from sysid.cli.main import cli\n"
+        "from sysid.runtime import own_process\n"
+        "own_process()\n"
+        "try:\n"
+        f"    cli(['check', {str(ROOT.parent / 'examples/linear_truck')!r}, '--output', {str(tmp_path)!r}])\n"
+        "except SystemExit as end:\n"
+        "    print('ends with', end.code, *sorted({'jax', 'optimistix', 'emcee'} & sys.modules.keys()))\n"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert shown.splitlines()[-1] == "ends with 0"
+    assert (tmp_path / "result.json").is_file()
 
 
 def test_test_modules_have_names_of_their_own():

@@ -87,6 +87,16 @@ configure()
 import jax
 print(jax.config.jax_platforms, *{d.platform for d in jax.devices()})
 """
+_SETTINGS = """
+import sys
+from sysid.runtime import cache_folder, configure, own_process
+own_process()
+configure()
+assert "jax" not in sys.modules
+import jax
+assert jax.config.jax_compilation_cache_dir == str(cache_folder())
+print(jax.numpy.zeros(1).dtype, jax.config.jax_persistent_cache_min_compile_time_secs)
+"""
 
 
 @pytest.mark.parametrize(("chosen", "said"), [(None, "cpu cpu"), ("cpu", "cpu cpu")])
@@ -97,3 +107,11 @@ def test_a_new_process_has_the_processor_alone(chosen: str | None, said: str) ->
         [sys.executable, "-c", _PLATFORMS], env=environment, check=True, capture_output=True, text=True
     )
     assert process.stdout.strip() == said
+
+
+def test_jax_finds_its_settings_where_it_is_loaded_after_them() -> None:
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("JAX_")}
+    process = subprocess.run(
+        [sys.executable, "-c", _SETTINGS], env=environment, check=True, capture_output=True, text=True
+    )
+    assert process.stdout.split() == ["float64", "0.1"]

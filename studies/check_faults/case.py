@@ -156,5 +156,9 @@ def unharmed(number: int, folder: Path, seed: int) -> dict[str, Any]:
     }
 
 
-#: Sentences that describe a healthy record: readings at the declared range, a rate, the level of the noise.
-HARMLESS = r"reach(es)? the range of|the noise is \d+ % of|stamps are used|heading was turned"
+#: Sentences that describe a healthy campaign: readings at the declared range, a rate, the level of the noise, how far
+#: a prediction goes beyond the runs.
+HARMLESS = (
+    r"reach(es)? the range of|the noise is \d+ % of|stamps are used|heading was turned|"
+    r"the prediction is an extrapolation"
+)

@@ -3,8 +3,8 @@
     python -m studies.first_look.habits [--phrases phrases_2.toml] [--half 1] [--seed 2] [--document FILE]
 
 Every folder holds some logs of a simulated truck in one of eight formats. Columns and files are named by phrases of one
-language (`phrases.toml`, `phrases_2.toml`); there are other columns that loggers have, and holes: an axle that was not dropped in a load
-case, a speed that was not driven.
+language (`phrases.toml`, `phrases_2.toml`); there are other columns that loggers have, and holes: an axle that was not
+dropped in a load case, a speed that was not driven.
 """
 
 from __future__ import annotations

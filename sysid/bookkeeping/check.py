@@ -24,6 +24,7 @@ from sysid.campaign.findings import QualityReport, RunSpeed, ScanFinding
 from sysid.campaign.passage.arrivals import find_passage
 from sysid.campaign.passage.speed import believed_speed
 from sysid.campaign.records import Campaign, Scan
+from sysid.campaign.requests import beyond_runs
 from sysid.errors import DataRejectedError
 from sysid.road.road_profile import RoadProfile, ScanAnalysis
 from sysid.road.scan import analyse_scan
@@ -89,11 +90,12 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
         cases = campaign.load_cases
         said += _sentences(lambda: bump_complaints(runs, passages, profiles, vehicle, cases))
         said += _sentences(lambda: drop_complaints(campaign, [] if masses else spectra))
+    ahead = [sentence for request in campaign.predictions for sentence in beyond_runs(campaign, request)]
     findings = tuple(_scan_finding(name, campaign.scans[name], scan) for name, scan in scans.items())
     of_scans = [*refused, *(m for s in scans.values() for m in s.messages)]
     if one_sided := one_sided_sentence(campaign, scans):
         of_scans.append(one_sided)
-    return QualityReport((), (*of_scans, *said), tuple(refused), speeds, findings, contradictions=tuple(said))
+    return QualityReport((), (*of_scans, *said, *ahead), tuple(refused), speeds, findings, contradictions=tuple(said))
 
 
 def _sentences(compare: Callable[[], Sequence[str] | str | None]) -> list[str]:

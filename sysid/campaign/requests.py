@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid import limits
 from sysid.arrays import Stations
-from sysid.campaign.records import BumpShape, PredictionRequest
+from sysid.campaign.records import BumpShape, Campaign, PredictionRequest
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.errors import CampaignError
 
@@ -16,6 +16,8 @@ from sysid.errors import CampaignError
 STATION_STEP_M = 0.002
 # The bump starts at the first station above this height: the origin of every start offset and of every time axis.
 START_HEIGHT_M = 0.001
+#: Beyond what was driven by more than this factor is an extrapolation.
+MARGIN = 1.05
 
 
 def shape_fault(shape: BumpShape) -> str:
@@ -122,3 +124,32 @@ def _length(shape: BumpShape) -> float:
     if shape.station_m:
         return shape.station_m[-1] - shape.station_m[0]
     return shape.length_m or 0.0
+
+
+def driven_speeds(campaign: Campaign, load_case: str) -> list[float]:
+    """Nominal speeds [m/s] of the runs of a load case."""
+    return [r.nominal_speed_m_s for r in campaign.bump_runs if r.load_case == load_case]
+
+
+def pass_label(campaign: Campaign, request: PredictionRequest) -> str:
+    """Load case, speed and, where there are several, bump of a pass."""
+    name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
+    if request.shape is not None or request.road is not None:
+        return f"{name}, {request.bump if request.shape is None else request.shape.label}"
+    return f"{name}, {request.bump}" if len(campaign.scans) > 1 else name
+
+
+def beyond_runs(campaign: Campaign, request: PredictionRequest) -> list[str]:
+    """How far a pass is from what was driven, in sentences: load case, speed and bump; empty where it is near."""
+    name, sentences = pass_label(campaign, request), []
+    driven = driven_speeds(campaign, request.load_case)
+    if not driven:
+        sentences.append(f"{name}: no run was driven in this load case; the prediction is an extrapolation.")
+    elif request.speed_m_s > MARGIN * max(driven):
+        sentences.append(
+            f"{name}: faster than any run of this load case, speed_km_h is {request.speed_m_s / max(driven):.2g} times "
+            f"{3.6 * max(driven):g} km/h; the prediction is an extrapolation."
+        )
+    if request.road is None and (request.shape is not None or request.bump not in {r.bump for r in campaign.bump_runs}):
+        sentences.append(f"{name}: no run crossed this bump; the prediction is an extrapolation.")
+    return sentences

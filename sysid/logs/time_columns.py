@@ -40,6 +40,7 @@ _UNITS: dict[str, float] = {
 _UNIT_IN_NAME = re.compile(
     r"(?:[\[(]\s*([^\[\]()]{1,12}?)\s*[\])]|(?:_|\s*/\s*|,\s*|\s+in\s+)(s|sec|ms|us|µs|μs|ns|min|h))\s*$", re.IGNORECASE
 )
+_LETTER = re.compile(r"[^\W\d_]")
 _NUMBER = re.compile(r"(?:[\s_.#]*\d{1,3}|\s*[(\[]\d{1,3}[)\]])$")
 #: Names of time in other words and languages, and with a number where a file has several.
 _TIME = re.compile(
@@ -68,6 +69,9 @@ def seconds_in(name: str, unit: str | None = None) -> float:
 
 def is_time(name: str) -> bool:
     """Whether a column of this name is one of time: a usual name, or another word for it, with number and unit."""
+    # Quick, as every cell of the first rows is asked.
+    if _LETTER.search(name) is None:
+        return False
     plain = name.strip().casefold()
     numberless = _NUMBER.sub("", plain)
     if plain in TIME_NAMES or (numberless in TIME_NAMES and numberless != "t"):

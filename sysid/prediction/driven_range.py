@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from sysid.arrays import Parameters
+from sysid.campaign.requests import driven_speeds
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws
 from sysid.prediction.measures import extremes
-from sysid.prediction.remarks import driven_speeds
 from sysid.prediction.trust import DrivenRange
 from sysid.vehicle_model.contact import TireLaw
 from sysid.vehicle_model.device_arrays import HostOrDevice

@@ -10,6 +10,7 @@ import numpy as np
 
 from sysid.arrays import Axles, DrawsByParameters, Samples, SamplesByAxlesBySets
 from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.campaign.requests import driven_speeds
 from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, law_inputs
@@ -19,7 +20,7 @@ from sysid.prediction.driven_range import driven_range, spring_deflection
 from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.measures import extremes, impulse_ratio, lift_off_time, load_coefficient, quantiles
 from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
-from sysid.prediction.remarks import driven_speeds, remarks
+from sysid.prediction.remarks import remarks
 from sysid.prediction.road_loads import predict_road
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
 from sysid.prediction.vehicle_draws import (

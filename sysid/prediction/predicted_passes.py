@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.arrays import Axles, AxlesBySamples, Samples
-from sysid.prediction.trust import MARGIN, Extrapolation
+from sysid.campaign.requests import MARGIN
+from sysid.prediction.trust import Extrapolation
 from sysid.road.road_profile import ProfileIdentity
 from sysid.tabular import Tabular, band_columns
 

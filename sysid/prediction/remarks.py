@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from sysid.campaign.records import Campaign, PredictionRequest
-from sysid.prediction.trust import MARGIN, Extrapolation
+from sysid.campaign.requests import beyond_runs, pass_label
+from sysid.prediction.trust import Extrapolation
 
 #: Departure of the mean load of the whole truck over a pass from its weight that is worth a sentence.
 _IMPULSE = 0.01
@@ -15,11 +16,6 @@ _QUANTITIES = {
     "travel": ("suspension travel", 1e3, "mm"),
     "damper_speed": ("damper speed", 1.0, "m/s"),
 }
-
-
-def driven_speeds(campaign: Campaign, load_case: str) -> list[float]:
-    """Nominal speeds [m/s] of the runs of a load case."""
-    return [r.nominal_speed_m_s for r in campaign.bump_runs if r.load_case == load_case]
 
 
 def remarks(
@@ -36,12 +32,8 @@ def remarks(
     trust : what of the pass goes beyond the driven runs. impulse : mean of all axle loads during the pass over the
     weight. acting : undeclared bump stops that act, by axle (index): direction and travel [m].
     """
-    name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
-    if request.shape is not None or request.road is not None:
-        name += f", {request.bump if request.shape is None else request.shape.label}"
-    elif len(campaign.scans) > 1:
-        name += f", {request.bump}"
-    sentences = [*_extrapolation(campaign, request, name), *_beyond(trust, name)]
+    name = pass_label(campaign, request)
+    sentences = [*beyond_runs(campaign, request), *_beyond(trust, name)]
     if acting:
         stops = ", ".join(f"axle {i + 1} in {way} at about {1e3 * m:.0f} mm" for i, (way, m) in sorted(acting.items()))
         sentences.append(
@@ -54,21 +46,6 @@ def remarks(
             "at rest again at the end of the record."
         )
     return tuple(sentences)
-
-
-def _extrapolation(campaign: Campaign, request: PredictionRequest, name: str) -> list[str]:
-    sentences = []
-    driven = driven_speeds(campaign, request.load_case)
-    if not driven:
-        sentences.append(f"{name}: no run was driven in this load case; the prediction is an extrapolation.")
-    elif request.speed_m_s > MARGIN * max(driven):
-        sentences.append(
-            f"{name}: faster than any run of this load case ({3.6 * max(driven):g} km/h); the prediction is an "
-            "extrapolation."
-        )
-    if request.road is None and (request.shape is not None or request.bump not in {r.bump for r in campaign.bump_runs}):
-        sentences.append(f"{name}: no run crossed this bump; the prediction is an extrapolation.")
-    return sentences
 
 
 def _beyond(trust: Sequence[Extrapolation], name: str) -> list[str]:

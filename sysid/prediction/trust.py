@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from sysid.arrays import AxlesBySamples, SamplesByAxlesBySets
+from sysid.campaign.requests import MARGIN
 from sysid.tabular import Tabular
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Quantity = Literal["speed", "tire_deflection", "travel", "damper_speed", "lift_off"]
-#: Beyond what was driven by more than this factor is an extrapolation.
-MARGIN = 1.05
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,9 @@ class Extrapolation:
 def extrapolations(
     reached: Reached, driven: DrivenRange, load_case: str, acting: Mapping[int, tuple[str, float]] | None = None
 ) -> tuple[Extrapolation, ...]:
-    """What of a pass goes beyond the driven runs by more than :data:`MARGIN`, axle by axle; empty where nothing does.
+    """What of a pass goes beyond the driven runs, axle by axle; empty where nothing does.
+
+    Beyond is more than :data:`sysid.campaign.requests.MARGIN` times as far.
 
     The speed counts against the runs of the same load case, 0 without any.  Of both directions of travel the one that
     goes further beyond is named.  A wheel that leaves the road counts where it did so in no driven run.

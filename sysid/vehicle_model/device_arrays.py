@@ -6,17 +6,19 @@ along R too: they are the same to the model.
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+import sys
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
+if TYPE_CHECKING:
+    import jax
+
 #: Arrays of the host, or of JAX inside a function that it traces.
-HostOrDevice: TypeAlias = jax.Array | np.ndarray
+HostOrDevice: TypeAlias = "jax.Array | np.ndarray"
 
 #: The same in the equations of the model: types are checked as if all arrays were JAX's.
-Traceable: TypeAlias = jax.Array | Any
+Traceable: TypeAlias = "jax.Array | Any"
 
 #: (R, S) one value for every run with every set.
 RunsBySets: TypeAlias = Traceable
@@ -34,4 +36,6 @@ ParametersBySets: TypeAlias = Traceable
 
 def numpy_of(*arrays: HostOrDevice | float) -> Any:
     """The module `jax.numpy` where one of the arrays is JAX's, else `numpy`, by which nothing is compiled."""
-    return jnp if any(isinstance(array, jax.Array) for array in arrays) else np
+    # No array is JAX's before JAX is loaded, which takes most of a second.
+    loaded = sys.modules.get("jax")
+    return loaded.numpy if loaded and any(isinstance(array, loaded.Array) for array in arrays) else np

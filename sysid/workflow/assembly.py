@@ -7,7 +7,6 @@ from typing import Any
 
 from sysid.results.contents import Results, Status
 from sysid.results.judgement import judge
-from sysid.vehicle_model.engine import engine_versions
 from sysid.workflow.inputs import Inputs
 from sysid.workflow.runner import Runner
 from sysid.workflow.settings import Settings, date_of
@@ -36,7 +35,7 @@ def assembled(runner: Runner, inputs: Inputs, settings: Settings) -> Results:
         provenance={
             "input_sha256": dict(inputs.sha256),
             # Building an engine takes time: its name is known where one has been used.
-            "versions": versions() | ({} if results.fit is None else engine_versions()),
+            "versions": versions() | ({} if results.fit is None else _engine_versions()),
             "seed": settings.seed,
             "date": date_of(runner.folder.path),
             "settings": settings.as_dict(),
@@ -44,6 +43,12 @@ def assembled(runner: Runner, inputs: Inputs, settings: Settings) -> Results:
         },
     )
     return replace(results, judgement=judge(results))
+
+
+def _engine_versions() -> dict[str, str]:
+    from sysid.vehicle_model.engine import engine_versions
+
+    return engine_versions()
 
 
 def _with(results: Results, stage: Stage[Any], result: Any) -> Results:

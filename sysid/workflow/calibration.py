@@ -4,31 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.errors import CampaignError
-from sysid.estimates.calibrated_elements import CalibratedVehicle
-from sysid.estimates.records import Estimates
-from sysid.estimation.fit.fit_result import FitResult
-from sysid.estimation.fit.profiles import ProfileLikelihood
-from sysid.estimation.residuals.run_history import RunHistory
 from sysid.files import write_text
 from sysid.helper_process import helped_by
 from sysid.output_folder import output_folder
-from sysid.planning.advice_records import Advice
-from sysid.planning.ranking import CANDIDATE_KM_H
-from sysid.posterior.sampled_posterior import Posterior
-from sysid.prediction.predicted_passes import Predictions
-from sysid.prediction.run_bands import with_bands
 from sysid.progress import Progress, unwatched
 from sysid.results.contents import Results
-from sysid.road.road_profile import ScanAnalysis
 from sysid.runtime import configure
-from sysid.sdof.drop_results import DropSummary
 from sysid.threads import one_blas_thread
-from sysid.validation.channel_agreement import Validation
 from sysid.workflow import stages
 from sysid.workflow.assembly import assembled
 from sysid.workflow.description import described
@@ -39,6 +26,19 @@ from sysid.workflow.runner import NO_OPTIONS, Runner, begin_helper_ahead, breakd
 from sysid.workflow.settings import Settings, make_settings
 from sysid.workflow.stage import Aside, Ending, Itemwise, Notice, Stage, Whole
 from sysid.workflow.stage_folder import SUCCESS_MARKER, StageFolder, dependents
+
+if TYPE_CHECKING:
+    from sysid.estimates.calibrated_elements import CalibratedVehicle
+    from sysid.estimates.records import Estimates
+    from sysid.estimation.fit.fit_result import FitResult
+    from sysid.estimation.fit.profiles import ProfileLikelihood
+    from sysid.estimation.residuals.run_history import RunHistory
+    from sysid.planning.advice_records import Advice
+    from sysid.posterior.sampled_posterior import Posterior
+    from sysid.prediction.predicted_passes import Predictions
+    from sysid.road.road_profile import ScanAnalysis
+    from sysid.sdof.drop_results import DropSummary
+    from sysid.validation.channel_agreement import Validation
 
 T = TypeVar("T")
 
@@ -209,8 +209,11 @@ class Calibration:
         """Least-squares calibration against all bump runs."""
         return self.result(stages.FIT).fit
 
-    def advise(self, speeds_km_h: Sequence[float] = CANDIDATE_KM_H) -> Advice:
-        """Benefit for k, c and an axle load of one further run at each speed, or of one with one more sensor."""
+    def advise(self, speeds_km_h: Sequence[float] = ()) -> Advice:
+        """Benefit for k, c and an axle load of one further run at each speed, or of one with one more sensor.
+
+        Without speeds those of :data:`sysid.planning.ranking.CANDIDATE_KM_H`.
+        """
         return self.result(stages.ADVISE, {"candidate_speeds": tuple(speeds_km_h)})
 
     def profile(self, names: Sequence[str]) -> tuple[ProfileLikelihood, ...]:
@@ -233,6 +236,8 @@ class Calibration:
 
     def histories(self) -> tuple[RunHistory, ...]:
         """Measured against simulated histories of every run, with posterior bands where it has been sampled."""
+        from sysid.prediction.run_bands import with_bands
+
         histories, bands = self.fit().histories, self._runner.known(stages.BANDS)
         return histories if bands is None else with_bands(histories, bands)
 

@@ -70,7 +70,8 @@ class StageFolder:
 
     def known(self, stage: Stage[T]) -> T | None:
         """The result of a stage if it has run on these inputs and settings."""
-        if stage not in self._results and stage.in_file:
+        # A fingerprint loads the code of its stage, which `check` in a new folder does without.
+        if stage not in self._results and stage.in_file and self._path(stage).exists():
             stored = store.load(self._path(stage), self.fingerprint(stage), result_hint(stage))
             if stored is not None:
                 self._results[stage] = stored

@@ -61,8 +61,12 @@ def test_healthy_trucks_are_not_accused(name: str) -> None:
     campaign = truck(name)
     screened, _ = check_quality(campaign)
     found = check_bookkeeping(screened, campaign)
-    assert found.messages == ()
+    assert found.contradictions == ()
     assert found.left_out == ()
+    # Runs at 32 and 16 km/h at most, predictions at 48 and 24 km/h.
+    beyond = [f"{case}, {v} km/h: faster than any run" for case, v in (("unloaded", 48), ("loaded", 24))]
+    assert [m.partition(" of this")[0] for m in found.messages] == beyond
+    assert all("speed_km_h is 1.5 times" in m for m in found.messages)
     # Listed speeds are within 2.5 % of the true ones.
     for run in found.speeds:
         assert run.measured_m_s == pytest.approx(run.listed_m_s, rel=0.03)

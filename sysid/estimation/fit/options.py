@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sysid.estimation.residuals.bump_model import TARGET_STEP_S
+from sysid.estimation.residuals.integration_step import TARGET_STEP_S
 from sysid.road.contact_laws import ContactLaw
 
 

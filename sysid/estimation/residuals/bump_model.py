@@ -13,6 +13,7 @@ from sysid.campaign.records import AntiAliasFilter, Campaign
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.estimation.parameters.axle_laws import LawInputs, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.residuals.integration_step import TARGET_STEP_S
 from sysid.estimation.residuals.run_data import ChannelLayout, RunGroup, channel_layout, group_runs
 from sysid.estimation.residuals.run_motion import motion_prior
 from sysid.road.contact_laws import ContactLaw
@@ -43,8 +44,6 @@ GAIN_SD = {
     "body_acceleration": 0.01,
     "pitch_rate": 0.01,
 }
-#: Largest integration step; what halving it changes is checked at the optimum.
-TARGET_STEP_S = 0.00125
 
 
 class GroupArrays(NamedTuple):
