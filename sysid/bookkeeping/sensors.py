@@ -17,6 +17,7 @@ from sysid.campaign.quality.exchanges import quoted
 from sysid.campaign.quality.sensor_trios import Trio, trios
 from sysid.campaign.records import BumpRun, Channel, Sensor
 from sysid.campaign.vehicle_records import Vehicle
+from sysid.numbers import listing
 
 #: Below, drift; above, the deflection's noise, differentiated twice, is larger than the motion.
 BAND_HZ = (1.0, 12.0)
@@ -34,7 +35,10 @@ FRAME_BAND_HZ = (0.8, 5.0)
 #: Frame sensors are found at their place within 0.3 m.
 #: Frame sensors whose places are looked for one after the other.
 MOST_PLACES = 3
-PLACE_M = 0.6
+#: Other places explain a disagreement if they leave no more than this share of it.
+PLACE_M, LEFT = 0.6, 0.4
+#: Where the frame above the axles says the places, it says the motion there too, but for this share of its power.
+ALIKE = 0.1
 
 
 @dataclass(frozen=True)
@@ -269,6 +273,8 @@ def place_of_frame_sensors(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[st
     """
     spectra = [found for run in runs if (found := _frame_spectra(run, vehicle)) is not None]
     listed = {c.sensor.column: c.sensor for run in runs for c in run.log.channels}
+    if several := _several_places(spectra, listed):
+        return several
     moved: dict[str, float] = {}
     said = []
     for _ in range(MOST_PLACES):
@@ -281,7 +287,7 @@ def place_of_frame_sensors(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[st
             if abs(off) > PLACE_M
         }
         best = min(tried, key=lambda c: tried[c], default=None)
-        if best is None or tried[best] > 0.4 * before:
+        if best is None or tried[best] > LEFT * before:
             break
         sensor, moved[best] = listed[best], offs[best]
         assert sensor.x_m is not None
@@ -290,6 +296,22 @@ def place_of_frame_sensors(runs: Sequence[BumpRun], vehicle: Vehicle) -> list[st
             f"{sensor.x_m:g} m; correct its x_m in campaign.toml, or check which sensor this column holds."
         )
     return said
+
+
+def _several_places(spectra: Sequence[_FrameSpectra], listed: Mapping[str, Sensor]) -> list[str]:
+    """The same of several frame sensors at once, against the frame above the axles alone: none of them is a witness."""
+    sums = _place_sums(spectra, {}, axles_alone=True)
+    moved = {c: cross / max(size, 1e-30) for c, (cross, size, _) in sums.items()}
+    after = {c: left for c, (_, _, left) in _place_sums(spectra, moved, axles_alone=True).items()}
+    off = [c for c in moved if abs(moved[c]) > PLACE_M and after[c] < LEFT * sums[c][2]]
+    if len(off) < 2 or max(after.values()) > ALIKE * len(spectra):
+        return []
+    places = [(quoted(listed[c]), f"{(listed[c].x_m or 0.0) + moved[c]:.1f}", f"{listed[c].x_m:.3g}") for c in off]
+    names, found, declared = (listing(list(words)) for words in zip(*places, strict=True))
+    return [
+        f"{names} move as the frame does at x_m = {found} m, not at the listed {declared} m; correct their x_m in "
+        "campaign.toml (m behind the front axle)."
+    ]
 
 
 def _seen(channel: Channel, record: _Record) -> bool:
@@ -339,22 +361,26 @@ def _frame_spectra(run: BumpRun, vehicle: Vehicle) -> _FrameSpectra | None:
     )
 
 
-def _place_sums(spectra: Sequence[_FrameSpectra], moved: Mapping[str, float]) -> dict[str, tuple[float, float, float]]:
+def _place_sums(
+    spectra: Sequence[_FrameSpectra], moved: Mapping[str, float], *, axles_alone: bool = False
+) -> dict[str, tuple[float, float, float]]:
     """Sums over the runs of how far [m] each frame sensor is from its place: top, bottom, and what is left before.
 
     Parameters
     ----------
     moved
         Distances [m] by which sensors are taken to be behind their listed places.
+    axles_alone
+        Whether the frame above the axles is compared with, and no other frame sensor.
     """
     result: dict[str, tuple[float, float, float]] = {}
     for run in spectra:
         places = {c: (body, x + moved.get(c, 0.0), s) for c, (body, x, s) in run.sensors.items()}
         for column, (body, here, motion_here) in places.items():
             points = [(x, s) for b, x, s in run.above if b == body]
-            points += [(x, s) for c, (b, x, s) in places.items() if c != column and b == body]
+            points += [(x, s) for c, (b, x, s) in places.items() if c != column and b == body and not axles_alone]
             x = np.array([p[0] for p in points])
-            if x.size < 4 or np.ptp(x) < 1.0:
+            if x.size < (2 if axles_alone else 4) or np.ptp(x) < 1.0:
                 continue
             design = np.stack([np.ones(x.size), -(x - x.mean())], axis=1)
             motion = np.linalg.lstsq(design, np.array([p[1] for p in points]), rcond=None)[0]

@@ -174,7 +174,7 @@ def _first_look(
     said = _sensors_said(run_layouts or layouts, order, _OF_AXLES)
     from_one = counted_from_one(s.axle for s in said.values())
     of_drops = counted_from_one(log.said.axle for log in tested if kinds[log.file].kind == "plank_drop")
-    labels = numbered_axles([*from_one.values(), *of_drops.values()])
+    labels = numbered_axles([*from_one.values(), *of_drops.values()], len(order.share))
     at_axles = _sensors_said(layouts, order, {*_OF_AXLES, "air_pressure"})
     of_columns = {c: from_one.get(s.axle, s.axle) for c, s in at_axles.items()}
     named = {c: labels[label] for c, label in of_columns.items() if label in labels}

@@ -52,12 +52,12 @@ def arrival_order(passages: Sequence[Passage]) -> Order:
     return Order(rank, tuple(float(np.mean(c)) for c in clusters))
 
 
-def numbered_axles(labels: Iterable[AxleLabel]) -> dict[AxleLabel, int]:
+def numbered_axles(labels: Iterable[AxleLabel], arriving: int = 0) -> dict[AxleLabel, int]:
     """Index of the axle (0 = axle 1) for the labels by which names call axles; labels that leave it open are left out.
 
     Numbers count from 1, see :func:`counted_from_one`.  Where they begin anew at every place, as in ``drive1``,
     ``trailer1``, or places have none, axles are counted through the places front to rear; this needs a label for the
-    first axle.
+    first axle, and as many places as axles are seen to arrive: where one has no place, those behind it are uncounted.
     """
     known = {label for label in labels if label != AxleLabel()}
     plain = {label for label in known if label.place is None}
@@ -71,8 +71,8 @@ def numbered_axles(labels: Iterable[AxleLabel]) -> dict[AxleLabel, int]:
     placed = {label for label in known - plain if not _is_vague(label, known)}
     order = sorted({_in_row(label) for label in placed})
     by_place = {label: order.index(_in_row(label)) for label in placed} if order and order[0][0] == 0 else {}
-    if plain and set(by_number.values()) != set(range(len(order))):
-        # Numbers say all axles: of the places only the front says which it is.
+    if arriving > len(order) or (plain and set(by_number.values()) != set(range(len(order)))):
+        # Numbers or arrivals say more axles: of the places only the front says which it is.
         by_place = {label: 0 for label in by_place if label == AxleLabel(place="front")}
     return by_number | by_place
 

@@ -12,9 +12,9 @@ from typing import Literal, NamedTuple
 from sysid.first_look.vocabulary import LONGEST, Meaning, folded, meanings, vocabulary
 
 Side = Literal["left", "right"]
-PlaceWord = Literal["front", "pusher", "drive", "tag", "rear", "trailer"]
+PlaceWord = Literal["front", "pusher", "drive", "tag", "middle", "rear", "trailer"]
 #: Order of the places of axles, front to rear.
-PLACES: tuple[PlaceWord, ...] = ("front", "pusher", "drive", "tag", "rear", "trailer")
+PLACES: tuple[PlaceWord, ...] = ("front", "pusher", "drive", "tag", "middle", "rear", "trailer")
 
 _SPLIT = re.compile(r"[a-z]+|\d+")
 _CAMEL = re.compile(r"(?<=[^\W\d_])(?=[^\W\d_])")

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sysid.bookkeeping import check_bookkeeping
@@ -81,3 +82,21 @@ def test_a_frame_sensor_off_its_place_accuses_no_other(number: int, by_m: float)
     assert re.findall(r"'(frame\d_accel_g)' moves as the frame does", text) == [f"frame{number}_accel_g"]
     assert "pitch_inertia" not in text
     assert "moves as the frame does" not in said(campaign)
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1 / 25.4, 0.5, 2.0])
+def test_frame_sensors_that_are_all_off_their_places_are_named_with_them(factor: float) -> None:
+    """None of them can be compared with the others: the frame above the axles, a + q'', says where each is."""
+
+    def placed(c: Channel) -> Channel:
+        frame = c.sensor.kind == "body_acceleration"
+        return replace(c, sensor=replace(c.sensor, x_m=factor * c.sensor.x_m)) if frame else c
+
+    campaign = truck("examples/linear_truck")
+    runs = [replace(r, log=replace(r.log, channels=tuple(map(placed, r.log.channels)))) for r in campaign.bump_runs[:2]]
+    text = said(replace(campaign, bump_runs=tuple(runs)))
+    (sentence,) = re.findall(r"('frame.*) move as the frame does at x_m = (.*) m, not at the listed", text)
+    names, found = re.findall(r"frame(\d)", sentence[0]), re.findall(r"[\d.]+", sentence[1])
+    right = [campaign.vehicle.axles[int(n) - 1].x_m for n in names]
+    assert len(names) > 1
+    np.testing.assert_allclose([float(v) for v in found], right, atol=0.3)

@@ -174,7 +174,11 @@ def test_columns_may_count_axles_from_zero_and_paths_from_one() -> None:
 
 def test_an_axle_that_names_leave_open_is_left_out() -> None:
     front, rear, drive, tag = (AxleLabel(place=p) for p in ("front", "rear", "drive", "tag"))
-    assert numbered_axles([front, rear]) == {front: 0, rear: 1}
+    assert numbered_axles([front, rear]) == numbered_axles([front, rear], 2) == {front: 0, rear: 1}
+    # Of three axles that arrive one has no name: the rear one is not the second.
+    assert numbered_axles([front, rear], 3) == {front: 0}
+    middle = AxleLabel(place="middle")
+    assert numbered_axles([front, middle, rear], 3) == {front: 0, middle: 1, rear: 2}
     # Two axles stand at the rear: which of them?
     assert numbered_axles([front, drive, tag, rear]) == {front: 0, drive: 1, tag: 2}
     first, second = AxleLabel(1, "rear"), AxleLabel(2, "rear")
