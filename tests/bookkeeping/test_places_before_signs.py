@@ -53,6 +53,19 @@ def test_an_axle_off_its_place_is_no_wrong_sign(name: str, axle: int, by_m: floa
     assert not re.search(r"wrong sign|times what|crosstalk|moves as the frame|clock of its sensors", text)
 
 
+# In some of the runs the axle at its listed place seems to fall, as it leaves the bump there, or the frame sensor that is
+# nearest to that place is another axle's: the first two were rejected, of the third a gain of 2.4 was said.
+@pytest.mark.parametrize(("axle", "by_m"), [(2, 1.2), (3, 0.4), (2, -1.2)])
+def test_no_sensor_of_an_axle_that_most_runs_show_elsewhere_is_accused(axle: int, by_m: float) -> None:
+    campaign = read_campaign(ROOT / "data")
+    axles = tuple(replace(a, x_m=a.x_m + by_m * (i == axle)) for i, a in enumerate(campaign.vehicle.axles))
+    vehicle = replace(campaign.vehicle, axles=axles)
+    _, report = check_quality(replace(campaign, vehicle=vehicle, plank_drops=(), scans={}))
+    found = [m for f in report.channels for m in f.messages]
+    assert found != []
+    assert not [m for m in found if re.search(r"sign|times what|does not follow", m)]
+
+
 def test_an_axle_whose_sensors_are_upside_down_is_at_its_place() -> None:
     def turned(c: Channel) -> Channel:
         ours = c.sensor.column in ("axle2_accel_g", "lvdt2_mm", "frame2_accel_g")

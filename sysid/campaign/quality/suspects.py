@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -98,9 +99,9 @@ def suspicions(
     for trio in wrong:
         fit = fits[trio.axle]
         if trio.axle not in settled and fit is not None:
-            _explain(
-                trio, fit, _Evidence(_shared(fit, fits), lifts[groups.index(trio)], float(np.median(lifts))), suspects
-            )
+            lift, median = lifts[groups.index(trio)], float(np.median(lifts))
+            misplaced = partial(_misplaced, trio.axle, channels, vehicle, bump_speed)
+            _explain(trio, fit, _Evidence(_shared(fit, fits), lift, median, misplaced), suspects)
     if bump_speed is not None:
         if not _lifted(channels, vehicle, bump_speed):
             _all_flipped(groups, fits, lifts, suspects)
@@ -120,11 +121,15 @@ def _lift(channel: Channel, rests: Mapping[str, float]) -> float:
 
 @dataclass(frozen=True)
 class _Evidence:
-    """Evidence from the other axles: whether factors are the same, and how clearly axles rise first (1) or fall."""
+    """Evidence from the other axles: whether factors are the same, and how clearly axles rise first (1) or fall.
+
+    `misplaced`: whether the axle meets the bump elsewhere than at its place, where another frame sensor is above it.
+    """
 
     shared: bool
     lift: float
     median_lift: float
+    misplaced: Callable[[], bool]
 
 
 def _shared(fit: Fit, fits: Mapping[int, Fit | None]) -> bool:
@@ -143,7 +148,8 @@ def _explain(trio: Trio, fit: Fit, evidence: _Evidence, suspects: dict[str, list
             if cost is not None:
                 explanations.append((cost, causes))
     if not explanations:
-        _disagreement(trio, fit, suspects)
+        if not evidence.misplaced():
+            _disagreement(trio, fit, suspects)
         return
     lowest = min(cost for cost, _ in explanations)
     likely = [causes for cost, causes in explanations if cost < lowest + 0.05]
@@ -243,6 +249,12 @@ def _disagreement(trio: Trio, fit: Fit, suspects: dict[str, list[Suspicion]]) ->
         )
 
 
+def _misplaced(axle: int, channels: Sequence[Channel], vehicle: Vehicle, bump_speed: float | None) -> bool:
+    """Whether an axle of a run meets the bump elsewhere than at its place."""
+    passage = None if bump_speed is None else find_passage(channels, vehicle, bump_speed)
+    return passage is not None and abs(passage.misplaced_m(vehicle).get(axle, 0.0)) > _ON_TIME_M
+
+
 def _lifted(channels: Sequence[Channel], vehicle: Vehicle, bump_speed: float) -> bool:
     """Whether most axles rise where they meet the bump: at walking speed noise hides which way they begin to move."""
     passage = find_passage(channels, vehicle, bump_speed)
@@ -287,8 +299,9 @@ def axles_shown_falling(runs: Sequence[tuple[Sequence[Channel], float]], vehicle
         off = passage.misplaced_m(vehicle)
         largest = max(a.rise_m_s for a in passage.arrivals.values())
         for axle, met in passage.arrivals.items():
-            if abs(off[axle]) < _ON_TIME_M and met.rise_m_s > 0.3 * largest and (met.certain or met.upward > 0):
-                votes.setdefault(axle, []).append(met.upward < 0)
+            if met.rise_m_s > 0.3 * largest and (met.certain or met.upward > 0):
+                # One that most runs show lifted elsewhere is at another place, and not upside down in the others.
+                votes.setdefault(axle, []).append(met.upward < 0 and abs(off[axle]) < _ON_TIME_M)
     falling = [axle for axle, down in votes.items() if np.mean(down) > 0.6]
     return frozenset(falling) if 2 * len(falling) <= len(votes) else frozenset()
 
