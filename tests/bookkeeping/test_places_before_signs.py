@@ -53,7 +53,7 @@ def test_an_axle_off_its_place_is_no_wrong_sign(name: str, axle: int, by_m: floa
     assert not re.search(r"wrong sign|times what|crosstalk|moves as the frame|clock of its sensors", text)
 
 
-# In some of the runs the axle at its listed place seems to fall, as it leaves the bump there, or the frame sensor that is
+# In some runs the axle seems to fall at its listed place, as it leaves the bump there, or the frame sensor that is
 # nearest to that place is another axle's: the first two were rejected, of the third a gain of 2.4 was said.
 @pytest.mark.parametrize(("axle", "by_m"), [(2, 1.2), (3, 0.4), (2, -1.2)])
 def test_no_sensor_of_an_axle_that_most_runs_show_elsewhere_is_accused(axle: int, by_m: float) -> None:
