@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.export.identity import identity_of
-from sysid.export.result_json import result_document
+from sysid.export.result_json import result_identity
 from sysid.files import write_text
 from sysid.results.contents import Results
 
@@ -40,7 +39,7 @@ def covariance_document(results: Results) -> dict[str, Any] | None:
     fit = results.fit
     if fit is None or fit.further is None:
         return None
-    identity, further = identity_of(result_document(results)), fit.further
+    identity, further = result_identity(results), fit.further
     centre, covariance = _normal(fit, results.posterior)
     vehicle = results.campaign.vehicle
     return {

@@ -49,3 +49,31 @@ def content_sha256(document: Mapping[str, Any]) -> str:
 
 def _digest(content: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def stamped(name: str, text: str, identity: Identity) -> str:
+    """The text of a file with the identity of its result where its format has a place for remarks.
+
+    SVG has its metadata, LS-DYNA a comment, Chrono the key ``Comment``, HTML a ``meta`` element. CSV has none: for it,
+    and for all others, :mod:`sysid.export.file_list` says which result they are from.
+
+    Parameters
+    ----------
+    name : of the file; its ending decides.
+    """
+    line = identity.line
+    if name.endswith(".svg"):
+        begin = text.index(">", text.index("<svg")) + 1
+        return f"{text[:begin]}\n <desc>{line}</desc>{text[begin:]}"
+    if name.endswith(".k"):
+        # A line of a deck has at most 80 columns.
+        head, rest = text.split("\n", 1)
+        return "\n".join([head, *(f"$ {part}" for part in line.split(", ")), rest])
+    if name.endswith(".html"):
+        meta = '<meta charset="utf-8">'
+        return text.replace(meta, f'{meta}\n<meta name="generator" content="{line}">', 1)
+    if name.endswith(".json"):
+        document = json.loads(text)
+        document["Comment"] = f"{document.get('Comment', '').rstrip('.')}. {line}.".lstrip(". ")
+        return json.dumps(document, indent=2, allow_nan=False) + "\n"
+    return text

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.errors import CampaignError
+from sysid.export.result_json import result_identity
 from sysid.files import write_bytes
 from sysid.results.contents import Results
 
@@ -49,6 +50,8 @@ def posterior_tree(results: Results) -> xr.DataTree:
         "thinning_steps": int(posterior.thin),
         "draw_order": "first half of the steps walker after walker, then the second half",
     }
+    identity = result_identity(results)
+    attrs |= {"run": identity.run, "date": identity.date, "result_sha256": identity.result_sha256}
     if results.judgement is not None:
         attrs |= {"verdict": results.judgement.trust, "verdict_reasons": list(results.judgement.reasons)}
     groups = {"posterior": posterior_dataset(posterior, about), "sample_stats": sample_stats(posterior)}

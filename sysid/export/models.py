@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sysid.export.bridge import moving_forces_csv, vehicle_csv
 from sysid.export.chrono import chrono_suspension, chrono_text, chrono_tire
+from sysid.export.identity import Identity, stamped
 from sysid.export.lsdyna import lsdyna_text
 from sysid.export.naming import file_stem, prediction_files
 from sysid.files import write_text
@@ -67,6 +68,7 @@ def write_models(
     predictions: Predictions | None,
     folder: Path,
     judgement: Judgement | None = None,
+    identity: Identity | None = None,
 ) -> tuple[Path, ...]:
     """Write all files for other programs below the output `folder`, each complete or not at all; their paths.
 
@@ -75,11 +77,12 @@ def write_models(
     vehicles : calibrated vehicle of every load case (:func:`sysid.estimates.calibrated.calibrated_vehicle`).
     predictions : predicted passes, None for none.
     judgement : whether vehicles and passes may be used; every file says so.
+    identity : of the result, written into files that have a place for it.
     """
     texts = model_texts(campaign, vehicles, judgement)
     if predictions is not None:
         texts |= moving_force_texts(campaign, predictions, judgement)
     paths = tuple(Path(folder) / name for name in texts)
-    for path, text in zip(paths, texts.values(), strict=True):
-        write_text(path, text)
+    for path, (name, text) in zip(paths, texts.items(), strict=True):
+        write_text(path, text if identity is None else stamped(name, text, identity))
     return paths

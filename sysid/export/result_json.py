@@ -9,7 +9,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sysid.export.identity import identity_of
+from sysid.export.identity import Identity, identity_of
 from sysid.export.naming import prediction_files, speed_km_h
 from sysid.files import write_text
 from sysid.results.contents import Results
@@ -76,6 +76,11 @@ def result_document(results: Results) -> dict[str, Any]:
         "content_sha256": identity.result_sha256,
     }
     return document
+
+
+def result_identity(results: Results) -> Identity:
+    """Which result this is, for everything that is written of it."""
+    return identity_of(result_document(results))
 
 
 def result_schema() -> dict[str, Any]:

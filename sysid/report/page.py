@@ -9,6 +9,8 @@ from typing import Any
 
 from sysid.estimates.suspension_values import Quantity
 from sysid.estimation.fit.thresholds import MISFIT
+from sysid.export.identity import stamped
+from sysid.export.result_json import result_identity
 from sysid.files import write_text
 from sysid.numbers import number
 from sysid.report import (
@@ -37,7 +39,7 @@ def render_report(results: Results) -> str:
     Stages that have not run are named as such.  Everything that comes from the user (titles, names, files, columns,
     notes, messages) is escaped; the page loads nothing, and its content security policy forbids it to.
     """
-    return render_page("report.html", _content(results))
+    return stamped("report.html", render_page("report.html", _content(results)), result_identity(results))
 
 
 def write_report(results: Results, path: Path) -> None:

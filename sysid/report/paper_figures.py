@@ -14,6 +14,8 @@ from matplotlib.axes import Axes
 
 from sysid import plot
 from sysid.csv_cells import escape_cell
+from sysid.export.identity import stamped
+from sysid.export.result_json import result_identity
 from sysid.files import write_text
 from sysid.helper_process import shared_with_helper
 from sysid.plot.style import styled
@@ -61,8 +63,9 @@ def write_paper_figures(results: Results, folder: Path) -> list[Path]:
             figures["figure_9b_suspension_force.svg"] = partial(_first_axle, forces, "force")
     svgs = shared_with_helper(drawn, [Drawing(draws) for draws in figures.values()])
     texts |= dict(zip(figures, svgs, strict=True))
+    identity = result_identity(results)
     for name, text in texts.items():
-        write_text(folder / name, text)
+        write_text(folder / name, stamped(name, text, identity))
     return [folder / name for name in texts]
 
 

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from sysid import plot
-from sysid.export.identity import Identity, identity_of
-from sysid.export.result_json import result_document
+from sysid.export.identity import Identity
+from sysid.export.result_json import result_identity
 from sysid.files import write_bytes
 from sysid.numbers import count, listing
 from sysid.plot.style import styled
@@ -72,7 +72,7 @@ class _Page:
 @styled
 def summary_pdf(results: Results) -> bytes:
     """The page as PDF: text stays text, figures are drawn as lines; the same bytes for the same results."""
-    identity = identity_of(result_document(results))
+    identity = result_identity(results)
     figure = plot.figure(WIDTH_IN, HEIGHT_IN, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     page = _Page(figure)
     unseen = _Unseen()

@@ -143,8 +143,10 @@ class Calibration:
 
     def write_aside(self, stage: Stage[T], result: T) -> Sequence[Path]:
         """Write what :meth:`aside` computed, and return the files; they are removed with the results it rests on."""
-        written = _aside(stage).write(result, self.results(), self.output)
+        results = self.results()
+        written = _aside(stage).write(result, results, self.output)
         self._folder.write(lambda: remember_more(self.output, stage.name, written))
+        self._enter(written, results)
         return written
 
     def again(self, stage: Whole[T], options: Mapping[str, Any] = NO_OPTIONS) -> T:
@@ -191,7 +193,15 @@ class Calibration:
             with self._folder.timed(ending.name, lambda: self._steps.parts), self._steps.step(ending.name):
                 self._folder.write(lambda: written.extend(ending.write(results, self.output, self._steps)))
                 self._folder.write(lambda: remove_earlier(self.output, ending.name, written))
+                self._enter(written, results)
         return written
+
+    def _enter(self, written: Sequence[Path], results: Results) -> None:
+        """Enter files into the list of those that were written of these results."""
+        from sysid.export.file_list import remember_files
+        from sysid.export.result_json import result_identity
+
+        self._folder.write(lambda: remember_files(self.output, written, result_identity(results)))
 
     def check(self) -> QualityReport:
         """Quality of every log and channel."""

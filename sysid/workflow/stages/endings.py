@@ -65,7 +65,7 @@ def _export(results: Results, folder: Path, progress: Progress) -> Sequence[Path
     from sysid.export.covariance_json import COVARIANCE_FILE, write_covariance
     from sysid.export.inference_data import write_posterior
     from sysid.export.models import write_models
-    from sysid.export.result_json import write_result
+    from sysid.export.result_json import result_identity, write_result
     from sysid.export.tables import write_parameters, write_predictions, write_profiles, write_validation
 
     written = [folder / "result.json"]
@@ -80,7 +80,9 @@ def _export(results: Results, folder: Path, progress: Progress) -> Sequence[Path
             written.append(folder / COVARIANCE_FILE)
         progress("files for other programs", 0.3)
         vehicles = () if results.estimates is None else results.estimates.vehicles
-        written += write_models(results.campaign, vehicles, results.predictions, folder, results.judgement)
+        written += write_models(
+            results.campaign, vehicles, results.predictions, folder, results.judgement, result_identity(results)
+        )
     written += write_profiles(results.profiles, folder)
     if results.predictions is not None:
         written += write_predictions(results, folder)
