@@ -28,10 +28,14 @@ _PLATEAU_S, _AT_REST_S = 0.3, 0.7
 
 @dataclass(frozen=True)
 class Ringing:
-    """Deflection (n,) [m] of the suspension of a drop after its landing, every `_STEP_S`, and its drop."""
+    """Deflection (n,) [m] of the suspension of a drop after its landing, every `_STEP_S`, and its drop.
+
+    `noise_m`: standard deviation of the readings at rest, at the end of the record [m].
+    """
 
     drop: PlankDrop
     deflection_m: np.ndarray
+    noise_m: float = 0.0
 
     @property
     def power(self) -> float:
@@ -44,10 +48,10 @@ def ringings(drops: Sequence[PlankDrop]) -> Iterator[Ringing]:
     for drop in drops:
         found = _ringing(drop)
         if found is not None:
-            yield Ringing(drop, found)
+            yield Ringing(drop, *found)
 
 
-def _ringing(drop: PlankDrop) -> np.ndarray | None:
+def _ringing(drop: PlankDrop) -> tuple[np.ndarray, float] | None:
     channel = next((c for c in drop.log.channels if c.sensor.kind == "suspension_deflection"), None)
     if channel is None or channel.time_s.size < 100:
         return None
@@ -55,7 +59,8 @@ def _ringing(drop: PlankDrop) -> np.ndarray | None:
     value = readings_at(channel, time, HIGHEST_HZ)
     if not np.isfinite(value[time < time[0] + _PLATEAU_S]).any() or not np.isfinite(value[-10:]).any():
         return None
-    away = value - np.nanmedian(value[time > time[-1] - _AT_REST_S])
+    rest = value[time > time[-1] - _AT_REST_S]
+    away = value - np.nanmedian(rest)
     plateau = float(np.nanmedian(away[time < time[0] + _PLATEAU_S]))
     if not np.isfinite(away).any() or not np.isfinite(plateau):
         return None
@@ -63,7 +68,7 @@ def _ringing(drop: PlankDrop) -> np.ndarray | None:
     begin = int(np.nanargmax(np.abs(away - plateau)))
     used = away[begin : begin + round(_USED_S / _STEP_S)]
     whole = used.size == round(_USED_S / _STEP_S) and np.isfinite(used).all()
-    return used if whole else None
+    return (used, float(np.nanstd(rest))) if whole else None
 
 
 def poles(vehicle: Vehicle, load_case: LoadCase, found: Balance, factor: float = 1.0) -> np.ndarray:

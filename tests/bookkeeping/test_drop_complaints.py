@@ -157,3 +157,23 @@ def test_a_repeat_of_another_truck_is_odd(half_car, tmp_path) -> None:
     assert drop_cases.odd_repeats(half_car, told) == []
     (sentence,) = drop_cases.odd_repeats(replace(half_car, plank_drops=(*half_car.plank_drops, odd)), told)
     assert sentence.startswith("odd.csv rings unlike the other drops of 'rear'")
+
+
+@pytest.mark.parametrize(("noise_m", "odd"), [(3e-4, False), (0.0, True)])
+def test_a_suspension_that_friction_holds_is_not_odd(half_car, noise_m: float, odd: bool) -> None:
+    """Of its fall it shows noise alone; as much of a motion that stops before the end of the record is odd."""
+    drop = half_car.plank_drops[-1]
+    rng = np.random.default_rng(5)
+
+    def held(c):
+        if c.sensor.kind != "suspension_deflection":
+            return c
+        still = 0.01 * c.value + noise_m * rng.normal(size=c.value.size)
+        shaken = 3e-4 * rng.normal(size=c.value.size) * (c.time_s < c.time_s[-1] - 0.8) * (noise_m == 0.0)
+        return replace(c, value=still + shaken)
+
+    log = replace(drop.log, file="held.csv", channels=tuple(map(held, drop.log.channels)))
+    car = HalfCar(friction=(100.0, 100.0))
+    told = {"empty": SimpleNamespace(stiffness=np.array(car.stiffness), damping=np.array(car.damping))}
+    said = drop_cases.odd_repeats(replace(half_car, plank_drops=(*half_car.plank_drops, replace(drop, log=log))), told)
+    assert [s.startswith("held.csv") for s in said] == [True] * odd
