@@ -43,10 +43,12 @@ def tables(records: Sequence[Record]) -> str:
         ratio = np.median(alone) / np.median([e["log_sd"] for e in entries])
         lines += ["", f"Without cancelling, intervals would be {ratio:.1f} times as wide (medians)."]
     apart = sum(any("do not agree" in s for s in r["remarks"]) for r in good)
+    open_ = sum(any("is called changed" in s for s in r["remarks"]) for r in good)
     laws = sum(any("laws differ" in s for s in r["remarks"]) for r in good)
     lines += [
         "",
-        f"Shared errors on which the campaigns did not agree: {apart} of {len(good)} pairs. Axles with other laws "
+        f"Shared errors on which the campaigns did not agree: {apart} of {len(good)} pairs, {open_} of them left "
+        "undecided because it was about the masses. Axles with other laws "
         f"before than after: {laws} of {len(good)} pairs. Not fitted: {len(records) - len(good)}.",
     ]
     return "\n".join(lines)

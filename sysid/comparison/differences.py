@@ -184,7 +184,7 @@ def _parameters(
                 float(np.sqrt(max(covariance[n, n], 0.0))),
             )
         )
-    return _decided(found, family)
+    return _decided(found, family, tested=not shared.contradict)
 
 
 @dataclass(frozen=True)

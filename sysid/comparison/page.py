@@ -45,6 +45,8 @@ class PairPart:
 def answer(pair: Comparison) -> str:
     """What has changed, in a sentence."""
     tested = [d for d in pair.differences if d.p_adjusted is not None and d.family == "suspension"]
+    if not tested and pair.of("suspension"):
+        return "Undecided: the campaigns contradict each other about the masses."
     if not tested:
         return "Nothing of the suspensions could be compared."
     found = [f"{row_name(d)} {change_words(d)}" for d in pair.changed if d.family == "suspension"]

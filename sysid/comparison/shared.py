@@ -33,11 +33,16 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class SharedErrors:
-    """Pairs of indices (first, second) of errors that are one, in words; `remarks` say what is not and why."""
+    """Pairs of indices (first, second) of errors that are one, in words; `remarks` say what is not and why.
+
+    `contradict`: the campaigns do not agree on the masses. Then one of them carried another load than its file says, or
+    a fit ended where it should not have: neither is a change of a suspension, and nothing is called one.
+    """
 
     pairs: tuple[tuple[int, int], ...]
     words: tuple[str, ...]
     remarks: tuple[str, ...]
+    contradict: bool = False
 
 
 def one_truck(first: StoredResult, second: StoredResult) -> tuple[bool, str]:
@@ -84,7 +89,8 @@ def shared_errors(first: StoredResult, second: StoredResult, same_truck: bool) -
     words = [w for kind, w in _WORDS.items() if kind in kinds]
     if any(kind in _TIRES for kind in kinds):
         words.append("contact of the tires with the bump")
-    return SharedErrors(tuple(kept), tuple(words), tuple(remarks))
+    contradict = any(first.errors[i].kind in _WORDS for i in {i for i, _ in pairs} - {i for i, _ in kept})
+    return SharedErrors(tuple(kept), tuple(words), tuple(remarks), contradict)
 
 
 def _same_name(first: StoredResult, second: StoredResult, key: str) -> bool:
@@ -149,9 +155,11 @@ def _not_apart(
             names = listing(
                 [w for kind, w in _WORDS.items() if kind in {first.errors[i].kind for i in rows}] or [words]
             )
-            remarks.append(
-                f"The campaigns do not agree on {names}: these are not taken for the same, and the intervals are wider "
-                "for it."
-            )
+            remarks.append(f"The campaigns do not agree on {names}: these errors do not cancel.")
+            if kinds != _TIRES:
+                remarks[-1] += (
+                    " Nothing of the suspensions is called changed, as another load, or a fit that went wrong, would "
+                    "look the same; compare the declared masses with what was on the truck, and the reports of both."
+                )
             kept = [p for p in kept if p not in of_kind]
     return kept

@@ -13,6 +13,7 @@ from small_results import campaign_only
 
 import sysid
 from sysid.campaign.records import CampaignDetails
+from sysid.comparison.page import answer
 from sysid.errors import CampaignError, StoredResultsError
 from sysid.export import write_result
 
@@ -106,6 +107,22 @@ def test_campaigns_that_contradict_each_other_share_no_masses(tmp_path) -> None:
     assert agreed.shared == ("unsprung masses", "the scale")
     assert apart.shared == ()
     assert any("do not agree on unsprung masses" in r for r in apart.remarks)
+
+
+def test_nothing_is_called_changed_where_the_masses_contradict_each_other(tmp_path) -> None:
+    """A load that nobody declared would look like another suspension."""
+    first = write_folder(tmp_path / "a", with_unsprung(1, 1.0))
+    halved = [with_unsprung(2, 1.05), with_unsprung(3, -1.0)]
+    folders = []
+    for name, base in zip("bc", halved, strict=True):
+        parameters = tuple(replace(p, value=0.5 * p.value if p.name == "c_2" else p.value) for p in base.fit.parameters)
+        folders.append(write_folder(tmp_path / name, replace(base, fit=replace(base.fit, parameters=parameters))))
+    agreed, apart = sysid.compare(first, *folders).pairs
+    assert [d.name for d in agreed.changed] == ["c_2"]
+    assert apart.changed == ()
+    assert apart["c_2"].p_adjusted is None
+    assert apart["c_2"].probability_larger < 1e-6
+    assert answer(apart).startswith("Undecided")
 
 
 def test_other_laws_are_not_compared(before, tmp_path) -> None:

@@ -31,11 +31,15 @@ def test_the_table_counts_what_is_found_missed_and_wrong() -> None:
         record(0.9, entry("c_1", truth, -0.11, 0.01, True), entry("k_1", 0.0, 0.0, 0.01, False)),
         record(0.9, entry("c_1", truth, -0.05, 0.05, False), entry("k_1", 0.0, 0.2, 0.01, True)),
         record(1.0, entry("c_1", 0.0, 0.01, 0.01, False), entry("k_1", 0.0, 0.0, 0.01, False)),
-        record(1.0, entry("c_1", 0.0, 0.05, 0.01, True), remarks=("The campaigns do not agree on the masses.",)),
+        record(
+            1.0,
+            entry("c_1", 0.0, 0.05, 0.01, True),
+            remarks=("They do not agree; nothing is called changed.",),
+        ),
         {**record(1.0), "failed": "why"},
     ]
     assert [holds(e) for r in records for e in r["entries"]] == [True, True, True, False, True, True, False]
     text = tables(records)
     assert "| 5 | 1 of 2 | 1 of 2 | 1 of 2 | 5 of 7 (71 %) |" in text
-    assert "did not agree: 1 of 4 pairs" in text
+    assert "did not agree: 1 of 4 pairs, 1 of them left undecided" in text
     assert "Not fitted: 1." in text
