@@ -73,7 +73,7 @@ def remedies(results: Results) -> list[str]:
     steps = []
     if any(p.trust for p in results.predictions.passes):
         steps.append(
-            "Drive a run that comes nearer to the extrapolated passes (faster, or in their load case) if their wheel "
+            "Drive a run that comes nearer to the extrapolated passes (faster, or in their load case) if their axle "
             "loads matter."
         )
     if unknown := undeclared_travel(results):
