@@ -175,9 +175,11 @@ def _write_rows(
         corner = (columns[highlight] - width / 2.0 + 0.04, 0.02)
         ax.add_patch(FancyBboxPatch(corner, width - 0.08, top - 0.06, boxstyle="round,pad=0,rounding_size=0.05",
                                     fc="#fdf3e1", ec="none", zorder=0))  # fmt: skip
-    # Letters of 8.5 points take some 13.5 of an inch.
-    size = 8.5 if whole >= _WIDTH else 7.0
-    longest = max(int(13.5 * 8.5 / size * width), 6)
+    # Letters of 8.5 points take some 13.5 of an inch; smaller ones than 6 points are shortened.
+    of_largest = 13.5 * width
+    written = [line for _, texts in rows for text in texts for line in text.split("\n")]
+    size = float(np.clip(8.5 * of_largest / max(map(len, written), default=1), 6.0, 8.5))
+    longest = max(int(of_largest * 8.5 / size), 6)
     for (head, texts), count in zip(rows, lines, strict=True):
         place -= _ROW * count
         middle = place + _ROW * count / 2.0

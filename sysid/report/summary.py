@@ -202,6 +202,8 @@ def _pictures(page: _Page, results: Results) -> None:
         sweep = max(sweeps, key=lambda s: float(np.nanmax(statics(results, s) * s.peak_ratio.q50)))
         ax = page.axes(place, width - 0.4, height, above)
         plot.axle_load_against_speed(sweep, statics(results, sweep), ax)
+        # The keys stand above the curves, wherever these rise.
+        ax.set_ylim(0.0, 1.3 * ax.get_ylim()[1])
         ax.legend(loc="upper left", ncols=2, fontsize=5.5)
         words.append(f"Right: peak axle load against speed, {sweep_name(results, sweep)}.")
     elif passes:

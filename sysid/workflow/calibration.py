@@ -180,7 +180,7 @@ class Calibration:
         if stale:
             raise CampaignError(
                 f"The results in {self.output.name}/ ({', '.join(stale)}) belong to other inputs or options, or to "
-                f"another version of the program: there is nothing to {ending.name}. Compute them again with 'run', or "
+                f"another version of the program: nothing is written. Compute them again with 'run', or "
                 "name the campaign and the options that they were made with."
             )
         return self._write(ending)
