@@ -92,6 +92,10 @@ ROAD_LENGTH_M: Final = 20_000.0
 ROAD_STATIONS: Final = 2_000_000
 ROAD_REALISATIONS: Final = 50
 ROAD_SECONDS: Final = 3600.0
+#: Vehicles one behind the other on a bridge.
+BRIDGE_VEHICLES: Final = 10
+#: Longest pass over a bridge [s].
+BRIDGE_SECONDS: Final = 60.0
 
 # ---------------------------------------------------------------- result folders
 #: A stage's result or a stretch of a chain; hundreds of thousands of draws of all parameters take less.

@@ -63,6 +63,7 @@ ROOMS = {
 #: Files of such a package outside its rooms.
 NO_ROOM = {
     "campaign": {
+        "bridges",
         "clipping",
         "declared",
         "factors",
@@ -74,6 +75,7 @@ NO_ROOM = {
         "read",
         "records",
         "requests",
+        "roads",
         "statics",
         "units",
         "vehicle_records",

@@ -54,7 +54,7 @@ class ContinuousBeam:
         """Stations of the supports (spans + 1,) [m]."""
         return np.concatenate([[0.0], np.cumsum(self.span_m)])
 
-    def bridge(self, name: str, sections_m: Sequence[float], modes: int, damping_ratio: float) -> Bridge:
+    def bridge(self, name: str, sections_m: Sequence[float], modes: int, damping_ratio: float | np.ndarray) -> Bridge:
         """The beam as a bridge with moment, shear and deflection at sections, and its first modes.
 
         Shear at an inner support is that on its right and that on its left.  Effects that are zero there by the
@@ -76,7 +76,7 @@ class ContinuousBeam:
             tuple(line for line, _ in found),
             BridgeModes(
                 omega / (2.0 * np.pi),
-                np.full(count, damping_ratio),
+                np.broadcast_to(damping_ratio, count).copy(),
                 np.ones(count),
                 mesh.curve(local, columns=True),
                 np.array(effects).reshape(len(found), count),

@@ -28,8 +28,9 @@ from sysid.errors import DataRejectedError
 
 #: Points of the quadrature of Gauss in a step.
 _POINTS = 6
-#: Deck and vehicle are iterated until forces change by less than this share of the mean static load, and how often.
-TOLERANCE = 2e-4
+#: Deck and vehicle are iterated until forces change by less than this share of the mean static load (the error of the
+#: last ones is smaller by as much again as they changed less than before), and how often.
+TOLERANCE = 1e-3
 MOST_ROUNDS = 40
 
 
@@ -94,11 +95,12 @@ def deck_motion(modes: BridgeModes, crossing: Crossing) -> DeckMotion:
 class Coupled(NamedTuple):
     """Forces (T, na, S) [N] and amplitudes of the modes (T, n, S) [m] of vehicle and bridge together.
 
-    `rounds` is how often forces and deck were computed in turn.
+    `rolling_N` are the forces on a deck that does not move; `rounds` says how often forces and deck were computed.
     """
 
     force_N: SamplesByAxlesBySets
     amplitude_m: np.ndarray
+    rolling_N: SamplesByAxlesBySets
     rounds: int
 
 
@@ -123,14 +125,14 @@ def coupled(
         If forces still change after :data:`MOST_ROUNDS` rounds.
     """
     shape = motion.shape.shape[:2]
-    force = forces(np.zeros((*shape, 1)))
+    force = rolling = forces(np.zeros((*shape, 1)))
     for number in range(1, MOST_ROUNDS + 1):
         amplitude = motion.amplitudes(force)
         new = forces(motion.under_axles(amplitude))
         change = float(np.abs(new - force).max(initial=0.0))
         force = new
         if change <= TOLERANCE * static_N:
-            return Coupled(force, motion.amplitudes(force), number)
+            return Coupled(force, motion.amplitudes(force), rolling, number)
     raise DataRejectedError(
         f"Vehicle and bridge do not come to one motion: axle loads still change by {1e-3 * change:.3g} kN after "
         f"{MOST_ROUNDS} rounds; check mass and stiffness of the bridge."
@@ -138,7 +140,7 @@ def coupled(
 
 
 class EffectTimes(NamedTuple):
-    """Instants at which load effects are looked at: the samples, and both sides of an axle at a jump of a line.
+    """Instants at which load effects are looked at: the samples, and both sides of an axle at a section.
 
     `sample` (m,) is the sample before each instant and `share` (m,) how far it is on the way to the next; `lines` (E,
     m, na) are the influence lines under the axles.
@@ -160,11 +162,12 @@ def effect_times(bridge: Bridge, crossing: Crossing) -> EffectTimes:
     place = crossing.place_m
     number = np.arange(len(place), dtype=float)
     instants = [number]
-    for jump in {line.jump_m for line in bridge.lines if line.jump_m is not None}:
+    corners = {x for line in bridge.lines for x in (line.station_m, line.jump_m) if x is not None}
+    for corner in corners:
         for axle in place.T:
-            if np.any(np.diff(axle) <= 0.0) or not axle[0] < jump < axle[-1]:
+            if np.any(np.diff(axle) <= 0.0) or not axle[0] < corner < axle[-1]:
                 continue
-            at = float(np.interp(jump, axle, number))
+            at = float(np.interp(corner, axle, number))
             instants.append(np.array([at - 1e-7, at + 1e-7]))
     instant = np.clip(np.sort(np.concatenate(instants)), 0.0, number[-1])
     sample = np.minimum(instant.astype(int), len(place) - 2)

@@ -16,10 +16,10 @@ from .records import Channel as Channel
 from .records import Log as Log
 from .records import PlankDrop as PlankDrop
 from .records import PredictionRequest as PredictionRequest
-from .records import RoadCourse as RoadCourse
 from .records import Scan as Scan
 from .records import Sensor as Sensor
 from .records import SensorKind as SensorKind
+from .roads import RoadCourse as RoadCourse
 from .statics import StaticEquilibrium as StaticEquilibrium
 from .statics import check_statics as check_statics
 from .statics import static_equilibrium as static_equilibrium

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sysid import limits
+from sysid.campaign.bridges import BridgeCourse, BridgeDescription
 from sysid.campaign.clocks.common import on_common_clock
 from sysid.campaign.declared import read_declared
 from sysid.campaign.inputs import paths
+from sysid.campaign.inputs.bridges import described_bridge
 from sysid.campaign.inputs.bumps import PointCloudReader, ProfileReader, RoadReader, read_bumps
 from sysid.campaign.inputs.named_files import NamedFiles
 from sysid.campaign.inputs.run_logs import RunLogs, log_writing
@@ -27,15 +30,16 @@ from sysid.campaign.records import (
     Log,
     PlankDrop,
     PredictionRequest,
-    RoadCourse,
     RoadDrive,
     Scan,
     Sensor,
 )
 from sysid.campaign.requests import check_passes
+from sysid.campaign.roads import RoadCourse
 from sysid.campaign.units import speed_m_s
 from sysid.campaign.wheel_places import tires_across
 from sysid.errors import CampaignError
+from sysid.logs.input_file import InputFile
 from sysid.wording import shorten
 
 if TYPE_CHECKING:
@@ -89,6 +93,7 @@ def read_campaign(
     scans = read_bumps(tables.scan, files, point_cloud_reader, profile_reader, tires_across(vehicle.vehicle))
     drops, (runs, clocks) = reader.plank_drops(), reader.bump_runs(scans)
     drives = reader.road_drives()
+    bridges = reader.bridges(road_reader)
     acquisition = tables.acquisition
     low_pass = acquisition.filter
     return Campaign(
@@ -105,7 +110,7 @@ def read_campaign(
         plank_drops=drops,
         bump_runs=runs,
         scans=scans,
-        predictions=reader.predictions(scans, profile_reader, road_reader),
+        predictions=reader.predictions(scans, profile_reader, road_reader, bridges),
         input_sha256=files.hashes,
         messages=reader.messages(),
         priors={name: NamedPrior(*table.lognormal()) for name, table in tables.priors.items()},
@@ -119,6 +124,7 @@ def read_campaign(
             tables.campaign.scale,
         ),
         road_drives=drives,
+        bridges=bridges,
     )
 
 
@@ -278,8 +284,31 @@ class _TestReader:
         # Repeats have one nominal speed, as they would in a list.
         return speed_m_s(max(1.0, round(logged / speed_m_s(1.0))))
 
+    def bridges(self, road_reader: RoadReader | None) -> dict[str, BridgeDescription]:
+        """Bridges of the file with the files that they name.
+
+        Raises
+        ------
+        CampaignError
+            If a file that one names is missing.
+        DataRejectedError
+            If one cannot be used.
+        """
+
+        def content(name: str, key: str, file: str) -> InputFile:
+            return self.files.content(file, f"bridge.{shorten(name)}.{key}", limits.PROFILE_BYTES)
+
+        return {
+            name: described_bridge(name, table, partial(content, name), road_reader)
+            for name, table in self.tables.bridge.items()
+        }
+
     def predictions(
-        self, scans: Mapping[str, Scan], profile_reader: ProfileReader | None, road_reader: RoadReader | None
+        self,
+        scans: Mapping[str, Scan],
+        profile_reader: ProfileReader | None,
+        road_reader: RoadReader | None,
+        bridges: Mapping[str, BridgeDescription],
     ) -> tuple[PredictionRequest, ...]:
         """Passes to predict; bumps of different shape have different names.
 
@@ -298,6 +327,11 @@ class _TestReader:
             if entry.road is not None:
                 road = self._road(entry.road, f"{key}.road", road_reader)
                 result.append(PredictionRequest(load_case, speed, road.label, road=road))
+                continue
+            if entry.bridge is not None:
+                bridge = bridges[self.vehicle.pick(entry.bridge, list(bridges), f"{key}.bridge", "bridge")]
+                course = BridgeCourse(bridge, bridge.surface, entry.vehicles, entry.gap_m)
+                result.append(PredictionRequest(load_case, speed, course.label, bridge=course))
                 continue
             if entry.shape is None:
                 result.append(PredictionRequest(load_case, speed, self._bump(entry.bump, key, scans)))

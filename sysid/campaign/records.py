@@ -9,12 +9,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
+from sysid.campaign.bridges import BridgeCourse, BridgeDescription
 from sysid.campaign.loggers import ClockFinding
 from sysid.campaign.priors import NamedPrior
+from sysid.campaign.roads import RoadCourse
 from sysid.campaign.units import Dimension, si_factor
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 
@@ -261,43 +263,12 @@ class BumpShape:
         return f"{self.name} {1e3 * self.height_m:g} mm x {self.length_m:g} m{top}"
 
 
-#: Classes of roads by ISO 8608.
-RoadClass = Literal["A", "B", "C", "D", "E", "F", "G", "H"]
-ROAD_CLASSES: tuple[RoadClass, ...] = get_args(RoadClass)
-
-
-# Compared by identity: a measured road has many heights.
-@dataclass(frozen=True, eq=False)
-class RoadCourse:
-    """A rough road to be driven: one of a class by ISO 8608, or measured heights.
-
-    - `length_m` of the road;
-    - `roughness`: its class, with the `seed` of the first of several `realisations`; None for a measured road;
-    - `height_m` (n,): heights of a measured road [m], `step_m` apart; `source` says where they come from.
-    """
-
-    length_m: float
-    roughness: RoadClass | None = None
-    seed: int = 0
-    realisations: int = 1
-    step_m: float = 0.0
-    height_m: np.ndarray | None = None
-    source: str = ""
-
-    @property
-    def label(self) -> str:
-        """Class, length and seed in words, or where it comes from."""
-        if self.roughness is None:
-            return self.source
-        several = f"s {self.seed} to {self.seed + self.realisations - 1}" if self.realisations > 1 else f" {self.seed}"
-        return f"road class {self.roughness}, {self.length_m:g} m, seed{several}"
-
-
 @dataclass(frozen=True)
 class PredictionRequest:
     """A pass nobody drove: load case, speed [m/s] and what it goes over.
 
-    This is a scanned bump by its name, any other bump by its `shape`, or a rough `road`; of both `bump` is the label.
+    This is a scanned bump by its name, any other bump by its `shape`, a rough `road` or a `bridge`; of these `bump` is
+    the label.
     """
 
     load_case: str
@@ -305,6 +276,12 @@ class PredictionRequest:
     bump: str = "bump"
     shape: BumpShape | None = None
     road: RoadCourse | None = None
+    bridge: BridgeCourse | None = None
+
+    @property
+    def over_bump(self) -> bool:
+        """Whether it goes over a bump, not over a rough road or a bridge."""
+        return self.road is None and self.bridge is None
 
 
 @dataclass(frozen=True)
@@ -330,7 +307,8 @@ class Campaign:
     - `input_sha256` maps every input file, relative to `folder`, to its hash;
     - `messages` are sentences about the campaign as a whole;
     - `priors` are the user's own by the name of the parameter;
-    - `clocks` are those of further loggers, by run.
+    - `clocks` are those of further loggers, by run;
+    - `bridges` are those that passes may cross, by name.
     """
 
     title: str
@@ -350,6 +328,7 @@ class Campaign:
     clocks: tuple[ClockFinding, ...] = ()
     details: CampaignDetails = CampaignDetails()
     road_drives: tuple[RoadDrive, ...] = ()
+    bridges: Mapping[str, BridgeDescription] = field(default_factory=dict)
 
     @property
     def load_cases_in_use(self) -> tuple[str, ...]:

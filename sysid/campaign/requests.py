@@ -115,6 +115,8 @@ def check_passes(
                     f"{limits.ROAD_SECONDS:g} s are predicted; choose a higher speed or a shorter road."
                 )
             continue
+        if request.bridge is not None:
+            continue
         way = base + (length_m.get(request.bump, 0.0) if request.shape is None else _length(request.shape))
         if fault := pass_fault(request.speed_m_s, way / request.speed_m_s):
             raise CampaignError(f"{label}: the pass of tests.prediction[{i + 1}].speed_km_h {fault}.")
@@ -134,7 +136,7 @@ def driven_speeds(campaign: Campaign, load_case: str) -> list[float]:
 def pass_label(campaign: Campaign, request: PredictionRequest) -> str:
     """Load case, speed and, where there are several, bump of a pass."""
     name = f"{request.load_case}, {3.6 * request.speed_m_s:g} km/h"
-    if request.shape is not None or request.road is not None:
+    if request.shape is not None or not request.over_bump:
         return f"{name}, {request.bump if request.shape is None else request.shape.label}"
     return f"{name}, {request.bump}" if len(campaign.scans) > 1 else name
 
@@ -150,6 +152,6 @@ def beyond_runs(campaign: Campaign, request: PredictionRequest) -> list[str]:
             f"{name}: faster than any run of this load case, speed_km_h is {request.speed_m_s / max(driven):.2g} times "
             f"{3.6 * max(driven):g} km/h; the prediction is an extrapolation."
         )
-    if request.road is None and (request.shape is not None or request.bump not in {r.bump for r in campaign.bump_runs}):
+    if request.over_bump and (request.shape is not None or request.bump not in {r.bump for r in campaign.bump_runs}):
         sentences.append(f"{name}: no run crossed this bump; the prediction is an extrapolation.")
     return sentences

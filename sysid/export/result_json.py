@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.export.identity import Identity, identity_of
+from sysid.export.load_effects import load_effect_documents
 from sysid.export.naming import prediction_files, speed_km_h
 from sysid.files import write_text
 from sysid.results.contents import Results
@@ -49,6 +50,7 @@ def result_document(results: Results) -> dict[str, Any]:
         "parameters": _parameters(results),
         "validation": [] if results.validation is None else [_agreement(row) for row in results.validation.channels],
         "predictions": _predictions(results),
+        "load_effects": [] if results.predictions is None else load_effect_documents(results.predictions.passes),
         "identifiability": _identifiability(results),
         "advice": _advice(results),
         "left_out": _left_out(results),

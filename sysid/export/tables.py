@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 
 from sysid.csv_cells import csv_text, escape_cell, number_cell
+from sysid.export.load_effects import load_effect_texts
 from sysid.export.naming import file_stem, prediction_files, speed_km_h
 from sysid.files import write_text
-from sysid.prediction.predicted_passes import Quantiles
+from sysid.prediction.quantiles import Quantiles
 from sysid.results.contents import Judgement, Results
 from sysid.results.parameter_table import parameter_table
 from sysid.tabular import distinct
@@ -211,6 +212,7 @@ def write_predictions(results: Results, folder: Path) -> tuple[Path, ...]:
     texts["predictions/peaks.csv"] = pass_measures_csv(results.predictions, results.trust)
     if results.predictions.sweeps:
         texts["predictions/against_speed.csv"] = speed_sweeps_csv(results.predictions, results.trust)
+    texts |= load_effect_texts(passes, "load_effects", results.trust)
     for name, text in texts.items():
         write_text(Path(folder) / name, text)
     return tuple(Path(folder) / name for name in texts)

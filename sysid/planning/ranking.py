@@ -70,7 +70,7 @@ def advise(
     candidates = run_information(state, kinds, (*at_hand, *new))
     progress("gradient of the predicted axle load", 0.7)
     target, gradient = None, None
-    over_bumps = [k for k, request in enumerate(campaign.predictions) if request.road is None]
+    over_bumps = [k for k, request in enumerate(campaign.predictions) if request.over_bump]
     if over_bumps:
         first = over_bumps[0]
         known = None if predictions is None else predictions.passes[first].peak_ratio_q50

@@ -1,6 +1,7 @@
 """Figures of results: each function takes a result and optional axes, returns the axes and computes nothing heavy."""
 
 from sysid.estimates.suspension_values import AxleEstimates, Estimate, suspension_estimates
+from sysid.plot.bridges import amplification_against_speed, effect_history, influence_line
 from sysid.plot.changes import changes
 from sysid.plot.comparison import SOURCE_LABELS, SOURCES, comparison
 from sysid.plot.drops import drop, drops
@@ -44,6 +45,7 @@ __all__ = [
     "SOURCE_LABELS",
     "AxleEstimates",
     "Estimate",
+    "amplification_against_speed",
     "autocorrelation",
     "axle_color",
     "axle_load_against_speed",
@@ -55,9 +57,11 @@ __all__ = [
     "correlation",
     "drop",
     "drops",
+    "effect_history",
     "effective_profile",
     "figure",
     "figure_of",
+    "influence_line",
     "label",
     "likelihood_profile",
     "load_ratio",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid.arrays import AxlesBySets, SamplesByAxles, SamplesByAxlesBySets
-from sysid.prediction.predicted_passes import Quantiles
+from sysid.prediction.quantiles import Quantiles
 from sysid.threads import side_by_side
 
 

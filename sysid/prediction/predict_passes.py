@@ -16,10 +16,12 @@ from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.prediction.assumed_stops import AssumedStops
+from sysid.prediction.bridge_loads import BridgeVehicles, predict_bridge
 from sysid.prediction.driven_range import driven_range, spring_deflection
 from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.measures import extremes, impulse_ratio, lift_off_time, load_coefficient, quantiles
-from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
+from sysid.prediction.predicted_passes import PassPrediction, Predictions, SpeedSweep
+from sysid.prediction.quantiles import Quantiles
 from sysid.prediction.remarks import remarks
 from sysid.prediction.road_loads import predict_road
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
@@ -375,15 +377,19 @@ def predict(
     roads = effective_roads(state, requests)
     sets = state.point.log_parameters[None] if draws is None else draws
     vehicles, stops = vehicles_of(state, roads, sets, driven, None if draws is None else random)
-    passes = tuple(
-        predict_pass(campaign, parameters, roads, request, sets, vehicles, driven, stops)
-        if request.road is None
-        else predict_road(state, request, sets, vehicles, driven, stops, progress)
-        for request in requests
-    )
+    of_bridges = BridgeVehicles(state, sets, vehicles, stops)
+
+    def one(request: PredictionRequest) -> PassPrediction:
+        if request.bridge is not None:
+            return predict_bridge(of_bridges, request, driven, progress)
+        if request.road is not None:
+            return predict_road(state, request, sets, vehicles, driven, stops, progress)
+        return predict_pass(campaign, parameters, roads, request, sets, vehicles, driven, stops)
+
+    passes = tuple(map(one, requests))
     sets = sets[:SWEEP_DRAWS].T
     few = None if vehicles is None else vehicles.first(SWEEP_DRAWS)
-    pairs = dict.fromkeys((r.load_case, r.bump) for r in requests if r.shape is None and r.road is None)
+    pairs = dict.fromkeys((r.load_case, r.bump) for r in requests if r.shape is None and r.over_bump)
     speeds = [v / 3.6 for v in sweep_km_h]
     sweeps = tuple(
         speed_sweep(campaign, parameters, case, bump, roads, sets, speeds, progress, few, driven, stops)

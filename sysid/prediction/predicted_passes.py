@@ -9,6 +9,8 @@ import numpy as np
 
 from sysid.arrays import Axles, AxlesBySamples, Samples
 from sysid.campaign.requests import MARGIN
+from sysid.prediction.bridge_effects import BridgeLoads
+from sysid.prediction.quantiles import Quantiles
 from sysid.prediction.trust import Extrapolation
 from sysid.road.road_profile import ProfileIdentity
 from sysid.tabular import Tabular, band_columns
@@ -16,20 +18,6 @@ from sysid.tabular import Tabular, band_columns
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
-
-
-@dataclass(frozen=True)
-class Quantiles:
-    """5 %, 50 % and 95 % quantiles over draws; before sampling `q50` is the least-squares value, the others None."""
-
-    q05: np.ndarray | None
-    q50: np.ndarray
-    q95: np.ndarray | None
-
-    def times(self, factor: np.ndarray | float) -> Quantiles:
-        """All quantiles times a positive factor, one number or one per axle."""
-        low, high = (None if q is None else q * factor for q in (self.q05, self.q95))
-        return Quantiles(low, self.q50 * factor, high)
 
 
 @dataclass(frozen=True)
@@ -78,7 +66,9 @@ class PassPrediction(Tabular):
     `shape` names a bump that no run crossed, or the scanned one where there are several; else it is empty.  `profile`
     tells its profile from others (None if it is not known).
 
-    - `road`: measures of a pass over a rough road, None for a bump.  `time_s` counts from where axle 1 meets the road.
+    - `bridge`: load effects of a pass over a bridge, None for others.  `time_s` counts from axle 1 at the first
+      support; axle loads are those of the first vehicle;
+    - `road`: measures of a pass over a rough road, None for others.  `time_s` counts from where axle 1 meets the road.
       With several realisations forces are those of the first, and peaks the largest of all;
     - `trust` lists what goes beyond the driven runs, empty if nothing does;
     - `beyond` (axles, n) bool: instants at which tire deflection, travel or damper speed go beyond them in at least
@@ -109,6 +99,7 @@ class PassPrediction(Tabular):
     beyond: np.ndarray | None = None
     profile: ProfileIdentity | None = None
     road: RoadLoads | None = None
+    bridge: BridgeLoads | None = None
 
     @property
     def axle_load_kN(self) -> Quantiles:

@@ -9,40 +9,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
-import jax
 import numpy as np
 
 from sysid import limits
 from sysid.arrays import DrawsByParameters, SamplesByAxlesBySets
-from sysid.campaign.records import Campaign, PredictionRequest, RoadCourse
+from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.campaign.roads import RoadCourse
 from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitState
-from sysid.estimation.parameters.axle_laws import law_inputs
 from sysid.prediction.assumed_stops import AssumedStops
-from sysid.prediction.felt_road import HARSH, MOST_HARSH_M, FeltRoad, felt_road
+from sysid.prediction.felt_road import HARSH, MOST_HARSH_M, FeltRoad
 from sysid.prediction.finite import check_finite
 from sysid.prediction.measures import extremes, quantiles
 from sysid.prediction.predicted_passes import PassPrediction, RoadLoads
 from sysid.prediction.remarks import remarks
 from sysid.prediction.trust import DrivenRange, Reached, extrapolations
 from sysid.prediction.vehicle_draws import (
-    TOGETHER,
-    DrawnVehicles,
-    MakesVehicles,
     VehicleDraws,
-    drawn_vehicles,
-    histories_of_vehicles,
-    with_contact_error,
 )
+from sysid.prediction.vehicle_groups import VehicleGroup, felt_by_vehicle, vehicle_groups
 from sysid.progress import Progress, unwatched
 from sysid.road.roughness import TRACK_M, class_of_density, class_of_profile, class_road, roughness_index
 from sysid.threads import side_by_side
-from sysid.vehicle_model.engine import Timing, wheel_road
-from sysid.vehicle_model.motion import Motion
-from sysid.vehicle_model.passes import Pass, PassBatch, declared_tires, load_case_matrices, pass_matrices
-from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, runs_side_by_side
+from sysid.vehicle_model.engine import Timing
 
 #: Length of a stretch, of the run-up before it, and of its first part, where the road grows out of a level one [s].
 STRETCH_S, RUN_UP_S, GROWTH_S = 20.0, 7.0, 3.5
@@ -54,15 +44,6 @@ _GENTLE_STEPS, _HARSH_STEPS = 1, 4
 BAND_DRAWS = 40
 #: Exponent of the damage that axle loads do to a road: the fourth power of the AASHO road test.
 STRESS_EXPONENT = 4.0
-
-
-@dataclass(frozen=True)
-class _Vehicles:
-    """How some vehicles are made, their log parameters (t, p) and relative contact errors (t, na), None without."""
-
-    make: MakesVehicles
-    sets: np.ndarray
-    contact_error: np.ndarray | None
 
 
 @dataclass(frozen=True)
@@ -123,13 +104,12 @@ def predict_road(
     for k in range(course.realisations):
         station, height = course_heights(course, k)
         tracks.append((station, height))
-        roads.append(_felt(state, request, station, height.mean(axis=0)))
+        roads.append(felt_by_vehicle(state, request.load_case, station, height.mean(axis=0)))
     samples = int(np.ceil(duration / INTERVAL_S)) + 1
     time = INTERVAL_S * np.arange(samples)
     place = speed * time[:, None] - x
     on_road = (place >= 0.0) & (place <= course.length_m)
-    batch, wanted = _batch(campaign, request, roads[0])
-    groups = _groups(state, batch, wanted, sets, vehicles, stops)
+    batch, groups = vehicle_groups(state, request.load_case, roads[0].stretch_of(-1.0, 0.5, 0.0), sets, vehicles, stops)
     found: list[dict[str, np.ndarray]] = []
     bands: list[np.ndarray] = []
     kept = 0
@@ -159,71 +139,11 @@ def predict_road(
     )
 
 
-def _felt(state: FitState, request: PredictionRequest, station: np.ndarray, height: np.ndarray) -> FeltRoad:
-    campaign, point = state.campaign, state.point
-    cases = campaign.load_cases
-    return felt_road(
-        station,
-        height,
-        campaign.vehicle,
-        cases[request.load_case],
-        next(iter(cases.values())),
-        point.tires or declared_tires(campaign.vehicle),
-        point.contact,
-    )
-
-
-def _batch(campaign: Campaign, request: PredictionRequest, road: FeltRoad) -> tuple[PassBatch, Pass]:
-    """The pass of the vehicle with declared masses."""
-    vehicle, cases = campaign.vehicle, campaign.load_cases
-    wanted = Pass(request.load_case, request.bump, hold_s=SPEED_HOLD_S)
-    first = next(iter(cases.values()))
-    return (
-        PassBatch(
-            pass_matrices(load_case_matrices(vehicle, cases, [wanted]), [wanted], []),
-            road.stretch_of(-1.0, 0.5, 0.0),
-            np.array([axle.x_m for axle in vehicle.axles])[:, None],
-            np.array(first.axle_loads_kg)[None, :, None] * vehicle.gravity_m_s2,
-        ),
-        wanted,
-    )
-
-
-def _groups(
-    state: FitState,
-    batch: PassBatch,
-    wanted: Pass,
-    sets: DrawsByParameters,
-    vehicles: VehicleDraws | None,
-    stops: AssumedStops | None,
-) -> list[_Vehicles]:
-    """Vehicles of all draws, some at a time; without `vehicles` all of them are the declared one."""
-    campaign, parameters = state.campaign, state.parameters
-    if vehicles is not None:
-        makers = drawn_vehicles(batch, parameters, vehicles, wanted, batch.road)
-        step = int(np.ceil(len(sets) / len(makers)))
-        error = vehicles.contact_error
-    else:
-        laws = law_inputs(campaign.vehicle, parameters, batch, [wanted.load_case])
-        laws = laws if stops is None else stops.on(laws, 0)
-        step, error = TOGETHER, None
-
-        def same(first: int) -> DrawnVehicles:
-            chosen = np.arange(first, min(first + step, len(sets)))
-            matrices = jax.tree.map(lambda *p: runs_side_by_side(p), *[batch.matrices] * chosen.size)
-            return DrawnVehicles(chosen, matrices, [laws] * chosen.size, batch.road)
-
-        makers = tuple(partial(same, first) for first in range(0, len(sets), step))
-    parts = [slice(k * step, (k + 1) * step) for k in range(len(makers))]
-    return [
-        _Vehicles(make, sets[part], None if error is None else error[part])
-        for make, part in zip(makers, parts, strict=True)
-    ]
-
-
-def _driven_over(state: FitState, request: PredictionRequest, group: _Vehicles, road: FeltRoad, samples: int) -> _Drive:
+def _driven_over(
+    state: FitState, request: PredictionRequest, group: VehicleGroup, road: FeltRoad, samples: int
+) -> _Drive:
     """Forces of some vehicles at the first `samples` instants from where axle 1 meets the road."""
-    some, speed = group.make(), request.speed_m_s
+    speed = request.speed_m_s
     x = np.array([axle.x_m for axle in state.campaign.vehicle.axles])
     count = len(group.sets)
     stretches = int(np.ceil(samples * INTERVAL_S / STRETCH_S))
@@ -231,27 +151,19 @@ def _driven_over(state: FitState, request: PredictionRequest, group: _Vehicles, 
     run_up = int(np.ceil((RUN_UP_S + x.max() / speed) / INTERVAL_S))
     timing = Timing(each + run_up, INTERVAL_S, _HARSH_STEPS if road.harsh else _GENTLE_STEPS)
     forces = np.empty((samples, x.size, count))
-    static = some.matrices.static_load[:, :, 0].T
-    sets = list(group.sets[:, :, None])
+    static = group.static_N
 
     def stretch(number: int) -> dict[str, np.ndarray]:
         begin = number * each
         start_s = (begin - run_up) * INTERVAL_S
         end_m = speed * (begin + each) * INTERVAL_S + 1.0
         one = road.stretch_of(speed * start_s, speed * GROWTH_S, end_m)
-        motion = Motion(np.full((count, 1), speed), np.full((count, 1), -start_s))
-        wheels = wheel_road(some.matrices, one.of_runs([0] * count), x[:, None], motion, timing)
-        found = histories_of_vehicles(some.matrices, some.laws, wheels, sets, timing)
-        tire, suspension, extension, sunk = (np.asarray(h)[run_up:, :, :, 0] for h in found)
-        check_finite(
-            request, state.parameters, group.sets.T, static[:, 0], *(np.moveaxis(h, 1, 2) for h in (tire, suspension))
-        )
-        if group.contact_error is not None:
-            tire = with_contact_error(tire, static.T, group.contact_error)
-        tire, extension, sunk = (np.moveaxis(h, 1, 2) for h in (tire, extension, sunk))
+        found = group.driven(one.of_runs([0] * count), x, speed, -start_s, timing)
+        check_finite(request, state.parameters, group.sets.T, static[:, 0], found.tire_N, found.suspension_N)
+        tire = group.erring(found.tire_N[run_up:])
         part = forces[begin : begin + each]
         part[:] = tire[: len(part)]
-        return extremes(sunk, extension, tire, INTERVAL_S)
+        return extremes(found.sunk_m[run_up:], found.extension_m[run_up:], tire, INTERVAL_S)
 
     found = side_by_side(stretch, range(stretches))
     together = {name: np.stack([f[name] for f in found]) for name in found[0]}

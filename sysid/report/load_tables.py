@@ -11,7 +11,8 @@ from sysid.results.contents import Results
 from sysid.results.pass_limits import TRUST_WORDS, pass_name
 
 if TYPE_CHECKING:
-    from sysid.prediction.predicted_passes import Quantiles, SpeedSweep
+    from sysid.prediction.predicted_passes import SpeedSweep
+    from sysid.prediction.quantiles import Quantiles
     from sysid.prediction.trust import Extrapolation
 
 
@@ -58,6 +59,37 @@ def prediction_tables(results: Results) -> list[Table]:
         )
         caption = f"{pass_name(p)}: peak axle loads, both sides together ({kind}); histories in {file}"
         tables.append(table(caption, head, rows))
+    return tables
+
+
+#: Load effects on the page: factor from SI, unit and decimals.
+_EFFECT_UNITS = {"N m": (1e-3, "kN m", 0), "N": (1e-3, "kN", 1), "m": (1e3, "mm", 2), "": (1.0, "", 3)}
+
+
+def effect_tables(results: Results) -> list[Table | None]:
+    """Load effects of every predicted pass over a bridge beside load models of codes; None for a pass over none."""
+    passes = () if results.predictions is None else results.predictions.passes
+    tables: list[Table | None] = []
+    for p in passes:
+        if p.bridge is None or not p.bridge.effects:
+            tables.append(None)
+            continue
+        rows = []
+        for e in p.bridge.effects:
+            factor, unit, places = _EFFECT_UNITS[e.unit]
+            values = (_band(q, 0, places, factor) for q in (e.static, e.rolling, e.dynamic))
+            over = (
+                None if c.value * float(e.static.q50[0]) <= 0.0 else float(e.dynamic.q50[0]) / c.value for c in e.codes
+            )
+            codes = (MISSING if share is None else fixed(share, 2) for share in over)
+            rows.append([Cell(e.name, note=e.sense), unit, *values, _band(e.amplification, 0, 3), *codes])
+        models = (f"over {c.model} [-]" for c in p.bridge.effects[0].codes)
+        head = ("load effect", "unit", "static", "rolling", "dynamic", "dynamic / static [-]", *models)
+        caption = (
+            f"{pass_name(p)}: load effects; static: at rest, rolling: dynamic axle loads on a bridge that does not "
+            "move, dynamic: truck and bridge together; over the load models of codes for one lane, with their allowance"
+        )
+        tables.append(table(caption, head, rows, text_columns=2))
     return tables
 
 

@@ -25,6 +25,7 @@ from sysid.report import (
     load_tables,
     tables,
 )
+from sysid.report.bridge_figures import effect_pictures
 from sysid.report.skeleton import render_page
 from sysid.report.verdict import verdict
 from sysid.results import Results
@@ -158,6 +159,8 @@ def _loads(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
         "agreement": _agreement(results, run_names),
         "left_out": _left_out(results, run_names),
         "prediction_tables": load_tables.prediction_tables(results),
+        "effect_tables": load_tables.effect_tables(results),
+        "effect_pictures": effect_pictures(results, gallery),
         "trust_tables": load_tables.trust_tables(results),
         "prediction_pictures": figures.prediction_pictures(results, gallery),
         "prediction_shown": figures.paper_pass_pictures(results, gallery),

@@ -17,8 +17,9 @@ from scipy.ndimage import gaussian_filter1d
 
 from sysid import limits
 from sysid.bounded_reader import read_in_child
-from sysid.campaign.records import BumpShape, RoadCourse
+from sysid.campaign.records import BumpShape
 from sysid.campaign.requests import START_HEIGHT_M
+from sysid.campaign.roads import RoadCourse
 from sysid.campaign.units import length_in_m
 from sysid.errors import CampaignError, DataRejectedError
 from sysid.logs.input_file import FileRefusedError, InputFile, read_file

@@ -7,7 +7,7 @@ from scipy.signal import cont2discrete, lfilter
 from scipy.special import gamma, kv
 
 from sysid.arrays import Stations
-from sysid.campaign.records import ROAD_CLASSES, RoadClass
+from sysid.campaign.roads import ROAD_CLASSES, RoadClass
 
 #: Displacement spectral density of the centre of class A [m3] at the reference wave number [cycles/m]; every class has
 #: four times that of the one before (ISO 8608:2016, table A.1); waviness.  The band of wave numbers [cycles/m] begins

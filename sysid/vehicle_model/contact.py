@@ -222,6 +222,12 @@ class EffectiveRoad(NamedTuple):
     stretch: np.ndarray | None = None
     drag: np.ndarray | None = None
 
+    @property
+    def station_m(self) -> np.ndarray:
+        """Stations of the heights that the splines go through [m]."""
+        count = self.rise.shape[-1] - 2 * _PADDING
+        return self.first_station_m + self.step_m * (_PADDING + np.arange(count))
+
     def of_runs(self, runs: Sequence[int]) -> EffectiveRoad:
         """The roads of the named runs, in this order; one may be named several times."""
         stretch, drag = (None if table is None else table[:, runs] for table in (self.stretch, self.drag))
@@ -250,6 +256,14 @@ def effective_road(
         None if stretch is None else spline_coefficients(stretch),
         None if drag is None else spline_coefficients(drag),
     )
+
+
+def raised(road: EffectiveRoad, first: int, rise_m: np.ndarray) -> EffectiveRoad:
+    """The road with heights (R, na, m) [m] added at m of its stations, from number `first` on; those about stay."""
+    end = first + rise_m.shape[-1] + 2 * _PADDING
+    rise = np.broadcast_to(road.rise, (*rise_m.shape[:2], road.rise.shape[-1])).copy()
+    rise[..., first:end] += spline_coefficients(rise_m)
+    return road._replace(rise=rise)
 
 
 def roads_side_by_side(roads: Sequence[EffectiveRoad]) -> EffectiveRoad:

@@ -259,6 +259,10 @@ class Calibration:
         bump: str | None = None,
         road: str | None = None,
         length_m: float | None = None,
+        bridge: str | None = None,
+        vehicles: int | None = None,
+        gap_m: float | None = None,
+        realisations: int | None = None,
     ) -> Predictions:
         """Axle loads from the posterior if there is one: of the campaign's passes, or of others at the given speeds.
 
@@ -271,13 +275,19 @@ class Calibration:
         bump : a scan of the campaign, or a file with a profile; the first scan if not given.
         road : a class of ISO 8608 (A to H) or a file with a measured profile, in place of a bump.
         length_m : length of the road [m].
+        bridge : a bridge of the campaign or a TOML file with its keys, in place of a bump; `road` is then the class of
+            its surface.
+        vehicles, gap_m : equal vehicles one behind the other on the bridge, and from the last axle of one to the first
+            of the next [m].
+        realisations : how many roads or surfaces of the class are driven.
 
         Raises
         ------
         CampaignError
             If the campaign has no such load case or bump, or options are given without a speed.
         """
-        options = {"load_case": load_case, "bump": bump, "road": road, "length": length_m}
+        options = {"load_case": load_case, "bump": bump, "road": road, "length": length_m, "bridge": bridge}
+        options |= {"vehicles": vehicles, "gap": gap_m, "realisations": realisations}
         given = {name: value for name, value in options.items() if value is not None}
         if speed_km_h is None:
             if given:

@@ -10,10 +10,15 @@ from typing import TYPE_CHECKING, Any
 from sysid.errors import CampaignError
 
 if TYPE_CHECKING:
-    from sysid.campaign.records import BumpShape, Campaign, PredictionRequest, RoadCourse
+    from sysid.campaign.bridges import BridgeCourse
+    from sysid.campaign.records import BumpShape, Campaign, PredictionRequest
+    from sysid.campaign.roads import RoadCourse
 
 #: Options that name passes.
-OPTIONS = ("speeds", "load_case", "bump", "lateral", "shape", "height", "length", "top", "road", "realisations")
+OPTIONS = (
+    "speeds", "load_case", "bump", "lateral", "shape", "height", "length", "top", "road", "realisations", "bridge",
+    "vehicles", "gap",
+)  # fmt: skip
 #: Length of a road of a class that has none [m], and the longest bump.
 ROAD_LENGTH_M, SHAPE_LENGTH_M = 500.0, 100.0
 #: Shapes that a bump may have by name.
@@ -30,7 +35,7 @@ def requested_passes(campaign: Campaign, options: Mapping[str, Any]) -> tuple[Pr
     DataRejectedError
         If the file of a bump cannot be used.
     """
-    given = [name for name in ("road", *OPTIONS) if options.get(name) not in (None, ())]
+    given = [name for name in ("bridge", "road", *OPTIONS) if options.get(name) not in (None, ())]
     speeds = options.get("speeds") or ()
     if not given:
         return ()
@@ -41,6 +46,12 @@ def requested_passes(campaign: Campaign, options: Mapping[str, Any]) -> tuple[Pr
         raise CampaignError(f"--load-case '{case}' is not in the campaign; it has {', '.join(campaign.load_cases)}.")
     from sysid.campaign.records import PredictionRequest
 
+    if options.get("bridge") is not None:
+        course = _bridge(campaign, options)
+        return tuple(PredictionRequest(case, speed / 3.6, course.label, bridge=course) for speed in speeds)
+    for name in ("vehicles", "gap"):
+        if options.get(name) is not None:
+            raise CampaignError(f"--{name} is about vehicles one behind the other on a bridge; add --bridge.")
     if options.get("road") is not None:
         road = _road(options)
         return tuple(PredictionRequest(case, speed / 3.6, road.label, road=road) for speed in speeds)
@@ -56,12 +67,47 @@ def requested_passes(campaign: Campaign, options: Mapping[str, Any]) -> tuple[Pr
     return tuple(PredictionRequest(case, speed / 3.6, bump, shape) for speed in speeds)
 
 
+def _bridge(campaign: Campaign, options: Mapping[str, Any]) -> BridgeCourse:
+    """The bridge of --bridge with the surface that --road names, or its own."""
+    from sysid.campaign.bridges import BridgeCourse, Surface
+    from sysid.campaign.inputs.bridges import bridge_from_file
+    from sysid.campaign.roads import ROAD_CLASSES, RoadCourse
+
+    name, road = options["bridge"], options.get("road")
+    for other in ("bump", "lateral", "shape", "height", "length", "top"):
+        if options.get(other) is not None:
+            raise CampaignError(f"--bridge and --{other} are both given; a pass goes over one of them.")
+    bridge = campaign.bridges.get(name)
+    if bridge is None:
+        if not os.path.exists(name):
+            known = f"; the campaign has {', '.join(campaign.bridges)}" if campaign.bridges else ""
+            raise CampaignError(f"--bridge '{name}' is neither a bridge of the campaign nor a file{known}.")
+        from sysid.road.profile_files import road_from_file
+
+        bridge = bridge_from_file(Path(name), road_from_file)
+    surface, realisations = bridge.surface, options.get("realisations")
+    if road is not None:
+        roughness = next((c for c in ROAD_CLASSES if c == road.upper()), None)
+        if roughness is None:
+            raise CampaignError(
+                f"--road '{road}' is no class of ISO 8608 (A to H); a measured surface stands in the bridge's table, "
+                "with bridge_at_m."
+            )
+        surface = Surface(RoadCourse(0.0, roughness, options.get("seed") or 0, realisations or 1), 0.0)
+    elif realisations is not None:
+        raise CampaignError("--realisations is how many surfaces of a class are driven; add --road, for example B.")
+    vehicles, gap = options.get("vehicles"), options.get("gap")
+    if gap is not None and vehicles is None:
+        raise CampaignError("--gap lies between vehicles; add --vehicles, for example 2.")
+    return BridgeCourse(bridge, surface, vehicles or 1, 10.0 if gap is None else gap)
+
+
 def _road(options: Mapping[str, Any]) -> RoadCourse:
     name, length, realisations = options["road"], options.get("length"), options.get("realisations")
     for other in ("bump", "shape", "height", "top"):
         if options.get(other) is not None:
             raise CampaignError(f"--road and --{other} are both given; a pass goes over one of them.")
-    from sysid.campaign.records import ROAD_CLASSES, RoadCourse
+    from sysid.campaign.roads import ROAD_CLASSES, RoadCourse
 
     roughness = next((c for c in ROAD_CLASSES if c == name.upper()), None)
     if roughness is not None:

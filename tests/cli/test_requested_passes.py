@@ -155,3 +155,42 @@ def test_a_file_that_is_no_road_is_refused(tmp_path, text, options, said):
 def test_roads_that_cannot_be_driven_are_refused(options, said):
     with pytest.raises(CampaignError, match=said):
         requested_passes(CAMPAIGN, options)
+
+
+def _river(folder) -> str:
+    path = folder / "river.toml"
+    path.write_text(
+        "spans_m = [20.0]\nbending_stiffness_N_m2 = 2e10\nmass_kg_m = 9e3\ndamping_ratio = 0.01\n"
+        'surface = { class = "A", seed = 2 }\n'
+    )
+    return str(path)
+
+
+def test_a_bridge_from_a_file_with_its_own_or_another_surface(tmp_path):
+    options = {"speeds": (36.0, 72.0), "bridge": _river(tmp_path)}
+    own = requested_passes(CAMPAIGN, options)
+    assert [r.bump for r in own] == ["bridge river, class A, seed 2"] * 2
+    (found, _) = requested_passes(CAMPAIGN, {**options, "road": "c", "seed": 5, "realisations": 2, "vehicles": 3})
+    assert found.bump == "bridge river, class C, seed 5 to 6, 3 vehicles 10 m apart"
+    assert found.over_bump is False
+    assert own[0].bridge is not None
+    named = replace(CAMPAIGN, bridges={"a1": own[0].bridge.bridge})
+    assert requested_passes(named, {**options, "bridge": "a1"})[0].bridge.bridge is own[0].bridge.bridge
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"speeds": ()}, "--bridge needs a --speed"),
+        ({"bridge": "b2"}, "neither a bridge of the campaign nor a file"),
+        ({"height": 0.1}, "--bridge and --height are both given"),
+        ({"road": "road.csv"}, "a measured surface stands in the bridge's table"),
+        ({"realisations": 3}, "add --road"),
+        ({"gap": 5.0}, "add --vehicles"),
+        ({"bridge": None, "vehicles": 2}, "add --bridge"),
+    ],
+)
+def test_what_is_said_about_incomplete_bridges(tmp_path, options, said):
+    whole = {"speeds": (36.0,), "bridge": _river(tmp_path), **options}
+    with pytest.raises(CampaignError, match=said):
+        requested_passes(CAMPAIGN, whole)

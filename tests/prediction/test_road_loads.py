@@ -11,7 +11,8 @@ from rigid_truck import EMPTY, VEHICLE, bump, campaign, empty_run, true_log_para
 from scipy.linalg import solve_continuous_lyapunov
 
 from sysid import limits
-from sysid.campaign.records import PredictionRequest, RoadCourse
+from sysid.campaign.records import PredictionRequest
+from sysid.campaign.roads import RoadCourse
 from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
 from sysid.errors import CampaignError
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters

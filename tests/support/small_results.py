@@ -22,7 +22,8 @@ from sysid.estimation.uncertainty.identifiability import assess
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
 from sysid.planning.advice_records import Advice, PeakTarget, Prospect
 from sysid.posterior.sampled_posterior import Posterior, PosteriorSummary
-from sysid.prediction.predicted_passes import PassPrediction, Predictions, Quantiles, SpeedSweep
+from sysid.prediction.predicted_passes import PassPrediction, Predictions, SpeedSweep
+from sysid.prediction.quantiles import Quantiles
 from sysid.prediction.trust import DrivenRange, Extrapolation
 from sysid.results.contents import Results
 from sysid.road.road_profile import ProfileIdentity, RoadProfile, ScanAnalysis

@@ -10,7 +10,8 @@ import numpy as np
 from sysid import limits
 from sysid.campaign.inputs import paths
 from sysid.campaign.inputs.named_files import NamedFiles
-from sysid.campaign.records import BumpShape, RoadCourse, Scan
+from sysid.campaign.records import BumpShape, Scan
+from sysid.campaign.roads import RoadCourse
 from sysid.campaign.units import angle_rad
 from sysid.logs.input_file import InputFile
 

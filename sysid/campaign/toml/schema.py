@@ -8,8 +8,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, StrictBool, StrictStr, model_validator
 
 from sysid import limits
-from sysid.campaign.records import KIND_DIMENSION, BumpShape, DeclaredKind, RoadClass
+from sysid.campaign.records import KIND_DIMENSION, BumpShape, DeclaredKind
 from sysid.campaign.requests import shape_fault
+from sysid.campaign.roads import RoadClass
+from sysid.campaign.toml.schema_bridge import BridgeTable
 from sysid.campaign.toml.schema_fields import (
     TEXT_LENGTH,
     LengthUnit,
@@ -310,12 +312,17 @@ class PredictionTable(Table):
     bump: Name | None = None
     shape: ShapeTable | None = None
     road: RoadTable | None = None
+    bridge: Name | None = None
+    vehicles: Annotated[int, Field(strict=True, ge=1, le=limits.BRIDGE_VEHICLES)] = 1
+    gap_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1000.0)] = 10.0
 
     @model_validator(mode="after")
     def _one_bump(self) -> PredictionTable:
-        given = [name for name in ("bump", "shape", "road") if getattr(self, name) is not None]
+        given = [name for name in ("bump", "shape", "road", "bridge") if getattr(self, name) is not None]
         if len(given) > 1:
             raise ValueError(f"has both {given[0]} and {given[1]}; a pass goes over one of them")
+        if self.bridge is None and self.model_fields_set & {"vehicles", "gap_m"}:
+            raise ValueError("has vehicles or gap_m, which belong to a bridge; name it as bridge")
         return self
 
 
@@ -359,5 +366,6 @@ class CampaignFile(Table):
     logger: Annotated[list[LoggerTable], Field(max_length=LOGGERS)] = []
     sensors: SensorsTable
     scan: Annotated[dict[Name, ScanTable], Field(max_length=100)] = {}
+    bridge: Annotated[dict[Name, BridgeTable], Field(max_length=100)] = {}
     tests: TestsTable = TestsTable()
     priors: Annotated[dict[Name, NamedPriorTable], Field(max_length=1000)] = {}

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.display import TextTable
-from sysid.limits import ROAD_LENGTH_M, ROAD_REALISATIONS
+from sysid.limits import BRIDGE_VEHICLES, ROAD_LENGTH_M, ROAD_REALISATIONS
 from sysid.workflow.requested_passes import BUMP_SHAPES, requested_passes
 from sysid.workflow.stage import Aside, Blocks, Command, Context, Option, Whole
+from sysid.workflow.stages.bridges import shown_bridge
 from sysid.workflow.stages.cells import finite_cell
 from sysid.workflow.stages.data import SCAN
 from sysid.workflow.stages.fit import FIT, fit_state, shown_determined
@@ -19,7 +20,8 @@ from sysid.workflow.stages.posterior import SAMPLE, log_draws
 if TYPE_CHECKING:
     from sysid.campaign.records import PredictionRequest
     from sysid.planning.advice_records import Advice
-    from sysid.prediction.predicted_passes import Predictions, Quantiles, RoadLoads
+    from sysid.prediction.predicted_passes import Predictions, RoadLoads
+    from sysid.prediction.quantiles import Quantiles
     from sysid.prediction.trust import DrivenRange
     from sysid.results.contents import Results
 
@@ -77,10 +79,17 @@ def _predicted(context: Context, requests: Sequence[PredictionRequest], sweep_km
 
 
 def _write_passes(predictions: Predictions, results: Results, folder: Path) -> Sequence[Path]:
+    from sysid.export.load_effects import write_load_effects
     from sysid.export.models import write_moving_forces
     from sysid.export.tables import write_passes
 
     written = write_passes(predictions, folder, results.judgement, results.trust)
+    written += write_load_effects(predictions.passes, folder, "load_effects_asked", results.trust)
+    if any(p.bridge is not None for p in predictions.passes):
+        from sysid.report.bridge_figures import write_bridge_figures
+
+        x = [axle.x_m for axle in results.campaign.vehicle.axles]
+        written += write_bridge_figures(predictions.passes, x, folder, "load_effects_asked")
     return (*written, *write_moving_forces(results.campaign, predictions, folder, results.judgement))
 
 
@@ -88,6 +97,10 @@ def show_predict(predictions: Predictions, results: Results) -> Blocks:
     """Axle loads and peak dynamic load ratio of every predicted pass; over a rough road its measures too."""
     axles = results.campaign.vehicle.axles
     for p in predictions.passes:
+        if p.bridge is not None:
+            yield from shown_bridge(p, p.bridge)
+            yield from p.warnings
+            continue
         columns = ("axle", "static kN", "peak kN", "90 % interval", "median", "90 % interval", "load coefficient")
         table = TextTable(
             f"{p.load_case}, {3.6 * p.speed_m_s:.4g} km/h"
@@ -160,6 +173,12 @@ _PASS_OPTIONS = (
            metavar="CLASS|FILE"),
     Option("--realisations", "Roads of the class that are driven, with seeds from --seed on (default: 1).",
            "realisations", kind=int, limits=(1, ROAD_REALISATIONS)),
+    Option("--bridge", "Bridge of --speed in place of a bump: [bridge.NAME] of the campaign or a TOML file with its "
+           "keys; --road CLASS is then its surface.", "bridge", metavar="NAME|FILE"),
+    Option("--vehicles", "Equal vehicles one behind the other on the bridge (default: 1), with --gap.", "vehicles",
+           kind=int, limits=(1, BRIDGE_VEHICLES)),
+    Option("--gap", "Last axle of a vehicle to the first of the next [m] (default: 10).", "gap", kind=float,
+           limits=(0.0, 1000.0), above=True),
 )  # fmt: skip
 
 PREDICT = Whole(

@@ -1,0 +1,385 @@
+"""Load effects on bridges: the calibrated vehicles of all draws and the modes of the bridge as one system.
+
+The deck's deflection under every axle is a road that moves (:func:`sysid.bridge.moving.coupled`): the vehicle is
+integrated over surface and deck with all its laws, the modes answer its axle loads exactly, and both are repeated until
+they agree.  The slope of the deck turns no vertical force into a horizontal one: it is a thousandth or less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid import limits
+from sysid.arrays import DrawsByParameters
+from sysid.bridge.moving import (
+    Crossing,
+    DeckMotion,
+    EffectTimes,
+    coupled,
+    deck_motion,
+    dynamic_effects,
+    effect_times,
+    static_effects,
+)
+from sysid.campaign.bridges import BridgeCourse, Surface
+from sysid.campaign.records import PredictionRequest
+from sysid.errors import CampaignError
+from sysid.estimation.fit.state import FitState
+from sysid.prediction.assumed_stops import AssumedStops
+from sysid.prediction.bridge_effects import BridgeLoads
+from sysid.prediction.effect_extremes import EffectExtremes, bridge_loads, bridge_of, effect_extremes, stored_instants
+from sysid.prediction.felt_road import GENTLE_STEP_M, HARSH
+from sysid.prediction.finite import check_finite
+from sysid.prediction.measures import extremes, quantiles
+from sysid.prediction.predicted_passes import PassPrediction
+from sysid.prediction.remarks import remarks
+from sysid.prediction.trust import DrivenRange, Reached, extrapolations
+from sysid.prediction.vehicle_draws import VehicleDraws
+from sysid.prediction.vehicle_groups import Driven, VehicleGroup, felt_by_vehicle, vehicle_groups
+from sysid.progress import Progress, unwatched
+from sysid.road.roughness import class_road
+from sysid.threads import side_by_side
+from sysid.vehicle_model.contact import EffectiveRoad, effective_road, raised
+from sysid.vehicle_model.engine import Timing
+
+#: Interval of the histories of vehicle and bridge [s], and steps of the vehicle in it on gentle and on harsh roads.
+INTERVAL_S = 0.002
+_GENTLE_STEPS, _HARSH_STEPS = 1, 4
+#: Road of a class before the bridge and behind it [m]; how long of the approach is driven, and in which its heights
+#: grow out of a level road [s].
+APPROACH_M, BEHIND_M = 150.0, 30.0
+APPROACH_S, GROWTH_S = 5.0, 1.5
+#: Shortest approach in a measured road that goes without a sentence [s].
+_SHORT_S = 2.0
+#: Level road before a bridge without a surface [m].
+_LEVEL_M = 2.0
+#: How long the bridge is followed when the last axle has left it: periods of its first mode, at most so long [s].
+_PERIODS, _TAIL_S = 2.0, 2.0
+
+
+@dataclass(frozen=True)
+class _Ground:
+    """What wheels meet before the deck moves: a road whose station 0 is the first support.
+
+    `lead` samples are driven before it; `substeps` of the integration per sample; `misfit` of harsh roads.
+    """
+
+    road: EffectiveRoad
+    lead: int
+    substeps: int
+    misfit: float
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Some draws over one surface: load effects, axle loads of the first vehicle (T, na, t), their extremes (na, t)."""
+
+    effects: EffectExtremes
+    tire_N: np.ndarray
+    static_N: np.ndarray
+    most: dict[str, np.ndarray]
+    rounds: int
+
+
+class BridgeVehicles:
+    """The vehicles of all draws in every load case, kept from one pass to the next."""
+
+    def __init__(
+        self,
+        state: FitState,
+        sets: DrawsByParameters,
+        vehicles: VehicleDraws | None,
+        stops: AssumedStops | None,
+    ):
+        self.state, self.sets, self.vehicles, self.stops = state, sets, vehicles, stops
+        self._groups: dict[str, tuple[np.ndarray, list[VehicleGroup]]] = {}
+
+    def of(self, load_case: str) -> tuple[np.ndarray, list[VehicleGroup]]:
+        """Static axle loads as weighed (na,) [N], and the vehicles of a load case."""
+        if load_case not in self._groups:
+            axles = len(self.state.campaign.vehicle.axles)
+            level = effective_road(GENTLE_STEP_M * np.arange(40), np.zeros((1, axles, 40)))
+            batch, groups = vehicle_groups(self.state, load_case, level, self.sets, self.vehicles, self.stops)
+            self._groups[load_case] = batch.matrices.static_load[0, :, 0], groups
+        return self._groups[load_case]
+
+
+def predict_bridge(
+    vehicles: BridgeVehicles, request: PredictionRequest, driven: DrivenRange, progress: Progress = unwatched
+) -> PassPrediction:
+    """Axle loads and load effects of one pass over a bridge, for a point estimate or for posterior draws.
+
+    Every draw crosses over every realisation of the surface.  Quantiles of load effects are over draws and
+    realisations together.
+
+    Parameters
+    ----------
+    request : with a bridge.
+    driven : what the driven runs reached.
+
+    Raises
+    ------
+    CampaignError
+        If the pass would take too long.
+    DataRejectedError
+        If forces are not finite, or vehicle and bridge come to no common motion.
+    """
+    state, course, speed = vehicles.state, request.bridge, request.speed_m_s
+    assert course is not None
+    bridge = bridge_of(course.bridge)
+    x = np.array([axle.x_m for axle in state.campaign.vehicle.axles])
+    behind = float(x.max()) + course.gap_m
+    all_x = np.concatenate([x + behind * k for k in range(course.vehicles)])
+    modes = bridge.modes
+    tail = 0.0 if modes is None else min(_PERIODS / modes.frequency_hz[0], _TAIL_S)
+    duration = (bridge.length_m + all_x.max()) / speed + tail
+    _check_duration(course, speed, duration)
+    samples = int(np.ceil(duration / INTERVAL_S)) + 2
+    time = INTERVAL_S * np.arange(samples)
+    crossing = Crossing(speed * time[:, None] - all_x, INTERVAL_S)
+    times = effect_times(bridge, crossing)
+    motion = None if modes is None else deck_motion(modes, crossing)
+    static, groups = vehicles.of(request.load_case)
+    grounds = _grounds(state, request, course, bridge.length_m + float(all_x.max()))
+    pairs = [(ground, group) for ground in grounds for group in groups]
+
+    def cross(pair: tuple[_Ground, VehicleGroup]) -> _Found:
+        ground, group = pair
+        progress(course.label, 0.0)
+        return _crossed(state, request, ground, group, crossing, times, motion, x, behind)
+
+    for group in groups:
+        # Before several threads ask for it at once.
+        _ = group.static_N
+    found = side_by_side(cross, pairs)
+    first = found[: len(groups)]
+    measured = _largest(found, len(groups))
+    misfit = max(g.misfit for g in grounds)
+    of_all = [f.effects for f in found]
+    loads = bridge_loads(course, times, crossing, of_all, of_all[: len(groups)], max(f.rounds for f in found))
+    return _prediction(state, request, loads, time, first, measured, static, driven, vehicles, misfit)
+
+
+def _check_duration(course: BridgeCourse, speed_m_s: float, duration_s: float) -> None:
+    if duration_s > limits.BRIDGE_SECONDS:
+        raise CampaignError(
+            f"The pass over {course.label} takes {duration_s:.3g} s at {3.6 * speed_m_s:.3g} km/h, at most "
+            f"{limits.BRIDGE_SECONDS:g} s are predicted; choose a higher speed."
+        )
+
+
+# ---------------------------------------------------------------------- surface
+
+
+def _grounds(state: FitState, request: PredictionRequest, course: BridgeCourse, end_m: float) -> list[_Ground]:
+    surface, speed = course.surface, request.speed_m_s
+    end_m += BEHIND_M
+    if surface is None:
+        lead = int(np.ceil(_LEVEL_M / speed / INTERVAL_S))
+        station = GENTLE_STEP_M * np.arange(-int(np.ceil(2 * _LEVEL_M / GENTLE_STEP_M)), int(end_m / GENTLE_STEP_M))
+        axles = len(state.campaign.vehicle.axles)
+        return [_Ground(effective_road(station, np.zeros((1, axles, station.size))), lead, _GENTLE_STEPS, 0.0)]
+    grounds = []
+    for k in range(surface.course.realisations):
+        station, height, at = _heights(surface, k, end_m)
+        felt = felt_by_vehicle(state, request.load_case, station, height)
+        lead = int(np.ceil(min(at, APPROACH_S * speed) / speed / INTERVAL_S))
+        start = at - speed * lead * INTERVAL_S
+        one = felt.stretch_of(start, min(GROWTH_S * speed, 0.5 * max(at, 1.0)), at + end_m)
+        road = one._replace(first_station_m=one.first_station_m - at)
+        steps = _HARSH_STEPS if felt.harsh else _GENTLE_STEPS
+        grounds.append(_Ground(road, lead, steps, 0.0 if felt.harsh else felt.misfit))
+    return grounds
+
+
+def _heights(surface: Surface, realisation: int, end_m: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Stations and mean heights of both tracks [m], and the station of the first support."""
+    course = surface.course
+    if course.roughness is not None:
+        station, tracks = class_road(course.roughness, APPROACH_M + end_m, course.seed + realisation)
+        return station, tracks.mean(axis=0), APPROACH_M
+    assert course.height_m is not None
+    return course.step_m * np.arange(course.height_m.size), course.height_m, surface.bridge_at_m
+
+
+# ---------------------------------------------------------------------- motion
+
+
+def _crossed(
+    state: FitState,
+    request: PredictionRequest,
+    ground: _Ground,
+    group: VehicleGroup,
+    crossing: Crossing,
+    times: EffectTimes,
+    motion: DeckMotion | None,
+    axle_x: np.ndarray,
+    behind_m: float,
+) -> _Found:
+    """Some draws over one surface, vehicle and bridge as one system where the bridge has modes."""
+    count, axles, speed = len(group.sets), axle_x.size, request.speed_m_s
+    samples, vehicles = len(crossing.place_m), crossing.place_m.shape[1] // axles
+    timing = Timing(ground.lead + samples, INTERVAL_S, ground.substeps)
+    base = ground.road.of_runs([0] * count)
+    last: dict[int, Driven] = {}
+
+    def forces(deck_m: np.ndarray) -> np.ndarray:
+        parts = []
+        for number in range(vehicles):
+            own = slice(number * axles, (number + 1) * axles)
+            road = _on_deck(base, deck_m[:, own], crossing.place_m[0, own], speed, crossing.interval_s)
+            start_s = ground.lead * INTERVAL_S + number * behind_m / speed
+            found = last[number] = group.driven(road, axle_x, speed, start_s, timing)
+            parts.append(found.tire_N[ground.lead :])
+        return np.concatenate(parts, axis=1)
+
+    static = np.tile(group.static_N, (vehicles, 1))[None]
+    if motion is None:
+        rolling = forces(np.zeros((samples, axles * vehicles, 1)))
+        force, amplitude, rounds = rolling, None, 1
+    else:
+        force, amplitude, rolling, rounds = coupled(motion, forces, float(static.mean()))
+    one = last[0]
+    check_finite(request, state.parameters, group.sets.T, group.static_N[:, 0], one.tire_N, one.suspension_N)
+
+    def erring(tire_N: np.ndarray) -> np.ndarray:
+        each = (group.erring(tire_N[:, k : k + axles]) for k in range(0, axles * vehicles, axles))
+        return np.concatenate(list(each), axis=1)
+
+    force = erring(force)
+    if motion is None or amplitude is None:
+        dynamic = static_effects(times, force)
+    else:
+        amplitude = amplitude if group.contact_error is None else motion.amplitudes(force)
+        dynamic = dynamic_effects(times, motion, force, amplitude)
+    lead = ground.lead
+    most = extremes(one.sunk_m[lead:], one.extension_m[lead:], force[:, :axles], INTERVAL_S)
+    effects = {"static": static_effects(times, static), "rolling": static_effects(times, erring(rolling))}
+    effects["dynamic"] = dynamic
+    front = times.between(crossing.place_m[:, 0])
+    # Every second sample of the axle loads is enough for whoever reads them.
+    return _Found(
+        effect_extremes(effects, front, stored_instants(times)),
+        force[::2, :axles],
+        group.static_N,
+        most | {"most": force[:, :axles].max(axis=0), "least": force[:, :axles].min(axis=0)},
+        rounds,
+    )
+
+
+def _on_deck(
+    base: EffectiveRoad, deck_m: np.ndarray, start_m: np.ndarray, speed_m_s: float, interval_s: float
+) -> EffectiveRoad:
+    """The road of every axle with the deck's deflection (T, na, t) [m] where the axle meets it, cubic between samples.
+
+    `start_m` (na,) is where each axle is at the first sample.
+    """
+    if not deck_m.any():
+        return base
+    station = base.station_m
+    on = np.flatnonzero((station >= 0.0) & (station <= station[-1] - BEHIND_M))
+    rise = np.empty((deck_m.shape[2], start_m.size, on.size))
+    for axle, start in enumerate(start_m):
+        instant = (station[on] - start) / (speed_m_s * interval_s)
+        before = np.clip(np.floor(instant).astype(int) - 1, 0, len(deck_m) - 4)
+        t = instant - before
+        weights = (
+            -(t - 1.0) * (t - 2.0) * (t - 3.0) / 6.0,
+            t * (t - 2.0) * (t - 3.0) / 2.0,
+            -t * (t - 1.0) * (t - 3.0) / 2.0,
+            t * (t - 1.0) * (t - 2.0) / 6.0,
+        )
+        known = (instant >= 0.0) & (instant <= len(deck_m) - 1)
+        rise[:, axle] = -sum(w * known * deck_m[before + k, axle].T for k, w in enumerate(weights))
+    return raised(base, int(on[0]), rise)
+
+
+# ---------------------------------------------------------------------- results
+
+
+def _largest(found: Sequence[_Found], groups: int) -> dict[str, np.ndarray]:
+    """Extremes (na, n) of the first vehicle over all surfaces; time off the road is the mean of all."""
+    by_surface = [found[k : k + groups] for k in range(0, len(found), groups)]
+    whole: dict[str, np.ndarray] = {}
+    for name in found[0].most:
+        values = np.stack([np.concatenate([f.most[name] for f in part], axis=-1) for part in by_surface])
+        if name == "lift_off_s":
+            whole[name] = values.mean(axis=0)
+        else:
+            whole[name] = values.min(axis=0) if name == "least" else values.max(axis=0)
+    return whole
+
+
+def _prediction(
+    state: FitState,
+    request: PredictionRequest,
+    loads: BridgeLoads,
+    time: np.ndarray,
+    first: Sequence[_Found],
+    measured: dict[str, np.ndarray],
+    static: np.ndarray,
+    driven: DrivenRange,
+    vehicles: BridgeVehicles,
+    misfit: float,
+) -> PassPrediction:
+    tire = np.concatenate([f.tire_N for f in first], axis=-1)
+    at_rest = np.concatenate([f.static_N for f in first], axis=-1)
+    force, ratio = quantiles(tire), quantiles(measured["most"] / static[:, None])
+    names = ("tire_deflection_m", "jounce_m", "rebound_m", "damper_speed_m_s", "lift_off_s")
+    reached = Reached(request.speed_m_s, **{n: np.median(measured[n], axis=-1) for n in names})
+    stops = vehicles.stops if vehicles.vehicles is None else vehicles.vehicles.stops
+    acting = {} if stops is None else stops.acting(measured["jounce_m"], measured["rebound_m"])
+    trust = extrapolations(reached, driven, request.load_case, acting)
+    return PassPrediction(
+        load_case=request.load_case,
+        speed_m_s=request.speed_m_s,
+        time_s=np.round(time[::2], 6),
+        tire_force_q05_N=None if force.q05 is None else force.q05.T,
+        tire_force_q50_N=force.q50.T,
+        tire_force_q95_N=None if force.q95 is None else force.q95.T,
+        static_load_N=static,
+        peak_ratio_q05=ratio.q05,
+        peak_ratio_q50=ratio.q50,
+        peak_ratio_q95=ratio.q95,
+        lift_off=(measured["least"] <= 0.0).mean(axis=1) >= 0.5,
+        warnings=(
+            *remarks(state.campaign, request, trust, 1.0, acting),
+            *_said(request, loads, misfit),
+        ),
+        lift_off_s=quantiles(measured["lift_off_s"]),
+        jounce_m=quantiles(measured["jounce_m"]),
+        rebound_m=quantiles(measured["rebound_m"]),
+        impulse_ratio=quantiles(tire.mean(axis=0) / at_rest),
+        shape=request.bump,
+        trust=trust,
+        bridge=loads,
+    )
+
+
+def _said(request: PredictionRequest, loads: BridgeLoads, misfit: float) -> list[str]:
+    """What has to be known about load effects of a pass."""
+    course, said = request.bridge, []
+    assert course is not None
+    if loads.frequency_hz.size == 0:
+        said.append(
+            f"{request.bump}: the bridge has influence lines and no modes; its own motion is not in the load effects."
+        )
+    if misfit > HARSH:
+        said.append(
+            f"{request.bump}: the surface has edges that a tire does not smooth as the model has it; axle loads there "
+            f"may be off by {100.0 * misfit:.0f} % of the static load."
+        )
+    surface = course.surface
+    if surface is not None and surface.course.roughness is None and surface.bridge_at_m < _SHORT_S * request.speed_m_s:
+        said.append(
+            f"{request.bump}: the surface begins {surface.bridge_at_m:g} m before the bridge, less than "
+            f"{_SHORT_S:g} s at this speed; the vehicle arrives calmer than it would be."
+        )
+    if surface is not None and surface.course.roughness is None:
+        rest = surface.course.length_m - surface.bridge_at_m
+        if rest < loads.length_m:
+            said.append(f"{request.bump}: the surface ends {rest:g} m behind the first support; the rest is level.")
+    return said

@@ -1,0 +1,138 @@
+"""Vehicles of all draws, some at a time, for passes over roads and bridges; and what they feel of a surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import jax
+import numpy as np
+
+from sysid.arrays import DrawsByParameters, Stations
+from sysid.estimation.fit.state import FitState
+from sysid.estimation.parameters.axle_laws import law_inputs, laws_side_by_side
+from sysid.prediction.assumed_stops import AssumedStops
+from sysid.prediction.driven_range import spring_deflection
+from sysid.prediction.felt_road import FeltRoad, felt_road
+from sysid.prediction.vehicle_draws import (
+    TOGETHER,
+    DrawnVehicles,
+    MakesVehicles,
+    VehicleDraws,
+    drawn_vehicles,
+    with_contact_error,
+)
+from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
+from sysid.vehicle_model.engine import Timing, wheel_road
+from sysid.vehicle_model.motion import Motion
+from sysid.vehicle_model.passes import Pass, PassBatch, declared_tires, load_case_matrices, pass_matrices
+from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, StackedMatrices, runs_side_by_side
+from sysid.vehicle_model.suspension import SuspensionLaw
+
+
+@dataclass(frozen=True)
+class Driven:
+    """Histories (T, na, t) of t vehicles: tire and suspension forces [N], suspension and tire deflections [m]."""
+
+    tire_N: np.ndarray
+    suspension_N: np.ndarray
+    extension_m: np.ndarray
+    sunk_m: np.ndarray
+
+
+@dataclass(frozen=True)
+class VehicleGroup:
+    """How some vehicles are made, their log parameters (t, p) and relative contact errors (t, na), None without."""
+
+    make: MakesVehicles
+    sets: np.ndarray
+    contact_error: np.ndarray | None
+
+    @cached_property
+    def made(self) -> tuple[StackedMatrices, SuspensionLaw, TireLaw]:
+        """Matrices and laws of the vehicles, made once."""
+        some = self.make()
+        return some.matrices, *laws_side_by_side(some.laws, list(self.sets[:, :, None]))
+
+    @property
+    def static_N(self) -> np.ndarray:
+        """Static axle loads (na, t) [N]."""
+        return np.asarray(self.made[0].static_load[:, :, 0].T)
+
+    def driven(
+        self, road: EffectiveRoad, axle_x: np.ndarray, speed_m_s: float, start_s: float, timing: Timing
+    ) -> Driven:
+        """The vehicles over a road (t, na, n), each at a speed from its start on; `axle_x` (na,) [m]."""
+        matrices, suspension, tire = self.made
+        count = len(self.sets)
+        motion = Motion(np.full((count, 1), speed_m_s), np.full((count, 1), start_s))
+        wheels = wheel_road(matrices, road, axle_x[:, None], motion, timing)
+        found = wheels.engine.histories(matrices, suspension, tire, wheels, timing)
+        sunk = spring_deflection(tire, found.tire_force)
+        parts = (found.tire_force, found.suspension_force, found.deflection, sunk)
+        return Driven(*(np.moveaxis(np.asarray(part)[:, :, :, 0], 1, 2) for part in parts))
+
+    def erring(self, tire_N: np.ndarray) -> np.ndarray:
+        """Tire forces (T, na, t) [N] with the contact error of every draw."""
+        if self.contact_error is None:
+            return tire_N
+        static = self.static_N.T
+        return np.moveaxis(with_contact_error(np.moveaxis(tire_N, 1, 2), static, self.contact_error), 1, 2)
+
+
+def felt_by_vehicle(state: FitState, load_case: str, station_m: Stations, height_m: Stations) -> FeltRoad:
+    """What the tires of a calibrated vehicle feel of a surface (:func:`sysid.prediction.felt_road.felt_road`)."""
+    campaign, point = state.campaign, state.point
+    cases = campaign.load_cases
+    return felt_road(
+        station_m,
+        height_m,
+        campaign.vehicle,
+        cases[load_case],
+        next(iter(cases.values())),
+        point.tires or declared_tires(campaign.vehicle),
+        point.contact,
+    )
+
+
+def vehicle_groups(
+    state: FitState,
+    load_case: str,
+    road: EffectiveRoad,
+    sets: DrawsByParameters,
+    vehicles: VehicleDraws | None,
+    stops: AssumedStops | None,
+) -> tuple[PassBatch, list[VehicleGroup]]:
+    """The pass of the vehicle with declared masses, and the vehicles of all draws, some at a time.
+
+    Without `vehicles` all of them are the declared one with the assumed `stops`.  `road` is the same for all.
+    """
+    campaign, parameters = state.campaign, state.parameters
+    vehicle, cases = campaign.vehicle, campaign.load_cases
+    wanted = Pass(load_case, "", hold_s=SPEED_HOLD_S)
+    first = next(iter(cases.values()))
+    batch = PassBatch(
+        pass_matrices(load_case_matrices(vehicle, cases, [wanted]), [wanted], []),
+        road,
+        np.array([axle.x_m for axle in vehicle.axles])[:, None],
+        np.array(first.axle_loads_kg)[None, :, None] * vehicle.gravity_m_s2,
+    )
+    error = None
+    if vehicles is not None:
+        makers = drawn_vehicles(batch, parameters, vehicles, wanted, road)
+        error = vehicles.contact_error
+    else:
+        laws = law_inputs(vehicle, parameters, batch, [load_case])
+        laws = laws if stops is None else stops.on(laws, 0)
+
+        def same(first: int) -> DrawnVehicles:
+            chosen = np.arange(first, min(first + TOGETHER, len(sets)))
+            matrices = jax.tree.map(lambda *p: runs_side_by_side(p), *[batch.matrices] * chosen.size)
+            return DrawnVehicles(chosen, matrices, [laws] * chosen.size, road)
+
+        makers = tuple(partial(same, first) for first in range(0, len(sets), TOGETHER))
+    parts = [slice(k * TOGETHER, (k + 1) * TOGETHER) for k in range(len(makers))]
+    return batch, [
+        VehicleGroup(make, sets[part], None if error is None else error[part])
+        for make, part in zip(makers, parts, strict=True)
+    ]

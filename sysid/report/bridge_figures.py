@@ -1,0 +1,102 @@
+"""Figures of passes over bridges, each as a file of its own: worst places and histories, amplification over speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from matplotlib.axes import Axes
+
+from sysid import plot
+from sysid.export import prediction_files
+from sysid.files import write_text
+from sysid.plot.style import styled
+from sysid.report.drawing import Drawing, Draws, drawn
+from sysid.report.figures import Gallery, Picture
+from sysid.results import Results
+from sysid.results.pass_limits import pass_name
+
+if TYPE_CHECKING:
+    from sysid.prediction.bridge_effects import BridgeLoads, LoadEffect
+    from sysid.prediction.predicted_passes import PassPrediction
+
+#: Load effects of one figure at most.
+_SHOWN = 6
+
+
+def write_bridge_figures(
+    passes: Sequence[PassPrediction], axle_x_m: Sequence[float], folder: Path, name: str
+) -> tuple[Path, ...]:
+    """Write the figures of passes over bridges below the output `folder`, SVG, and return the paths; none without any.
+
+    Parameters
+    ----------
+    axle_x_m : places of the axles behind axle 1 [m].
+    name : begins the names of figures that several passes share.
+    """
+    figures: dict[str, Draws] = {}
+    for p, file in zip(passes, prediction_files(passes), strict=True):
+        if p.bridge is not None:
+            figures[f"{file.removesuffix('.csv')}_effects.svg"] = partial(bridge_figure, p, p.bridge, axle_x_m)
+    courses = dict.fromkeys((p.load_case, p.shape) for p in passes if p.bridge is not None)
+    for number, (case, shape) in enumerate(courses):
+        over = [p for p in passes if p.bridge is not None and (p.load_case, p.shape) == (case, shape)]
+        if len({p.speed_m_s for p in over}) > 1:
+            file = f"predictions/{name}_amplification{number + 1 if len(courses) > 1 else ''}.svg"
+            figures[file] = partial(_amplification, over)
+    texts = [drawn(Drawing(draws)) for draws in figures.values()]
+    for file, text in zip(figures, texts, strict=True):
+        write_text(folder / file, text)
+    return tuple(folder / file for file in figures)
+
+
+def shown_effects(loads: BridgeLoads) -> tuple[LoadEffect, ...]:
+    """Load effects for a figure: the strongest of every kind and sense first, then the others in their order."""
+    strongest: dict[tuple[str, str], LoadEffect] = {}
+    for e in loads.effects:
+        known = strongest.get((e.kind, e.sense))
+        if known is None or abs(e.dynamic.q50[0]) > abs(known.dynamic.q50[0]):
+            strongest[e.kind, e.sense] = e
+    first = tuple(strongest.values())
+    return (*first, *(e for e in loads.effects if not any(e is f for f in first)))[:_SHOWN]
+
+
+def effect_pictures(results: Results, gallery: Gallery) -> list[Picture | None]:
+    """Load effects of every predicted pass over a bridge; None for a pass over none."""
+    passes = () if results.predictions is None else results.predictions.passes
+    x = [axle.x_m for axle in results.campaign.vehicle.axles]
+    pictures: list[Picture | None] = []
+    for p in passes:
+        if p.bridge is None or not p.bridge.effects:
+            pictures.append(None)
+            continue
+        caption = (
+            f"{pass_name(p)}: influence lines with the truck where the load effect is at its extreme, and load effects "
+            "against time, static and dynamic."
+        )
+        extremes = "; ".join(f"{e.sense} {e.name}: {e.dynamic.q50[0]:.4g} {e.unit}" for e in p.bridge.effects)
+        drawing = partial(bridge_figure, p, p.bridge, x)
+        pictures.append(gallery.picture(drawing, caption, f"{caption} {plot.label(extremes, 1000)}."))
+    return pictures
+
+
+@styled
+def bridge_figure(p: PassPrediction, loads: BridgeLoads, axle_x_m: Sequence[float]) -> Axes:
+    """Influence lines with the vehicle at its worst places beside the histories of these load effects."""
+    effects = shown_effects(loads)
+    axes = plot.figure(9.6, 2.7 * len(effects)).subplots(len(effects), 2, squeeze=False)
+    for row, effect in zip(axes, effects, strict=True):
+        plot.influence_line(loads, effect, axle_x_m, row[0])
+        plot.effect_history(loads, effect, row[1])
+    plot.figure_of(axes).suptitle(plot.label(pass_name(p), 100), fontsize="medium")
+    first: Axes = axes[0, 0]
+    return first
+
+
+@styled
+def _amplification(passes: Sequence[PassPrediction]) -> Axes:
+    ax = plot.amplification_against_speed(passes, plot.figure(7.2, 4.2).add_subplot())
+    ax.set_title(plot.label(f"{passes[0].load_case}, {passes[0].shape}", 90))
+    return ax
