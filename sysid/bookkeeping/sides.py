@@ -30,7 +30,7 @@ def one_sided_sentence(campaign: Campaign, scans: Mapping[str, ScanAnalysis]) ->
     return (
         f"The bump was crossed {np.degrees(max(driven)):.1f} degrees off square, and {of} "
         f"{joined_words([str(a) for a in axles])} {'has' if len(axles) == 1 else 'have'} sensors on one side only "
-        f"({sides}): roll is in their readings. On simulated trucks 2 degrees off square that moved k by 1 to 2 % and "
-        "c by 2 to 9 %, with sensors on both sides by 0.4 and 3 %. Put sensors on the other side too, or cross the "
-        "bump along a line that is square to it."
+        f"({sides}). The roll in their readings is simulated, less exactly than a mean of both sides is free of it: on "
+        "a simulated truck 2.6 degrees off square c stayed 3 % off, beyond its interval, and k 0.8 %. Put sensors on "
+        "the other side too, or cross the bump along a line that is square to it."
     )

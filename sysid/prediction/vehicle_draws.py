@@ -81,7 +81,9 @@ def vehicles_of(
     amounts = response.mean(sets) if random is None else response.draws(sets, random)
     drawn = assumed_stops(vehicle, parameters, driven, random, count)
     error = None if random is None else CONTACT_ERROR * random.standard_normal((count, len(vehicle.axles)))
-    return VehicleDraws(campaign_allowances(campaign, parameters, roads), amounts, drawn, error), stops
+    # Other bumps are known without their sides; the unknowns are those of the fit.
+    allowances = replace(campaign_allowances(campaign, parameters, roads), masses=state.allowances.masses)
+    return VehicleDraws(allowances, amounts, drawn, error), stops
 
 
 class DrawnVehicles(NamedTuple):

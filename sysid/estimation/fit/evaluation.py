@@ -38,6 +38,7 @@ from sysid.estimation.residuals.run_motion import (
     SPEED_UNIT,
     RunMotion,
 )
+from sysid.estimation.residuals.side_unknowns import KINDS
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
 from sysid.estimation.uncertainty.frame_shapes import FRAME_SD
@@ -186,7 +187,7 @@ def _mass_checks(
     return tuple(
         MassCheck(f.name, f.quantity, f.words, f.sd, float(np.exp(estimate)), float(after))
         for f, estimate, after in zip(masses.factors, response.amounts, sd, strict=False)
-        if f.quantity not in FRAME_SD
+        if f.quantity not in FRAME_SD and f.quantity not in KINDS
     )
 
 

@@ -18,6 +18,7 @@ from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.side_signals import with_sides
 from sysid.progress import Progress, unwatched
 
 
@@ -76,6 +77,7 @@ def _part(state: FitState, runs: tuple[int, ...]) -> tuple[Campaign, BumpModel, 
     fitted, driven = state.point.weights, state.point.motion
     chosen = list(runs)
     motion = driven.of(chosen)
+    model = with_sides(model, state.point.log_parameters, motion)
     columns = [s.column for s in state.model.layout.sensors]
     channels = [columns.index(s.column) for s in model.layout.sensors]
 

@@ -20,6 +20,7 @@ from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_data import RunGroup
 from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.side_signals import with_sides
 from sysid.estimation.weights import noise as noise_model
 from sysid.estimation.weights.reweighting import reweighted
 from sysid.progress import Progress
@@ -46,6 +47,7 @@ def optimise_from(
     weights : those of the first round; None for weights that suit parameters far from the optimum.
     damping : that of the first step, as in :func:`sysid.estimation.fit.minimiser.minimise`.
     """
+    model = with_sides(model, start, motion)
     if phase.larger_steps:
         model = with_larger_steps(model, start, motion)
     first_weights = Weights(_first_scale(model, instrument), tuple(np.ones_like(n) for n in instrument))

@@ -18,6 +18,7 @@ from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.side_signals import with_sides
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
 from sysid.estimation.uncertainty.integrated_unknowns import IntegratedUnknowns
 from sysid.estimation.uncertainty.mass_response import MassResponse
@@ -143,6 +144,7 @@ def model_of(
         contact=point.contact,
         tires=point.tires,
     )
-    if point.amounts is None:
-        return model
-    return campaign_allowances(fitted or campaign, point.parameters, model.felt).moved(model, point.amounts)
+    if point.amounts is not None:
+        model = campaign_allowances(fitted or campaign, point.parameters, model.felt).moved(model, point.amounts)
+    # Motions of other runs are not known yet.
+    return with_sides(model, point.log_parameters, point.motion) if fitted is None else model

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -44,6 +44,10 @@ GAIN_SD = {
     "body_acceleration": 0.01,
     "pitch_rate": 0.01,
 }
+
+
+#: Kind of an unknown of left and right, index of its axle or body, load case, and bump or column.
+SideKey: TypeAlias = tuple[str, int, str | None, str | None]
 
 
 class GroupArrays(NamedTuple):
@@ -100,7 +104,8 @@ class BumpModel:
     - `passes` of every group;
     - `felt`: effective road of the wheels at every bump, by the contact law;
     - `tires` are those that footprint maps were made for, None for the declared ones;
-    - `target_step_s`: the largest integration step [s].
+    - `target_step_s`: the largest integration step [s];
+    - `sides`: amounts by which left and right differ from usual, by kind, place, load case, and bump or column.
     """
 
     parameters: ParameterSet
@@ -114,6 +119,7 @@ class BumpModel:
     felt: EffectiveRoads
     target_step_s: float
     tires: MapTires | None = None
+    sides: tuple[tuple[SideKey, float], ...] = ()
 
     def with_substeps(self, factor: int) -> BumpModel:
         """The same model with every sample interval cut into `factor` times as many steps."""

@@ -38,10 +38,13 @@ def shown_signals(
     """
     signals = simulate_runs(model, log_parameters, motion)
     scales = zip(weights.noise_sd, weights.tempering, signals, strict=True)
-    return tuple(
-        _shown(weights.on(model.arrays, position).readings(noise, temper), simulated)
-        for position, (noise, temper, simulated) in enumerate(scales)
-    )
+    shown = []
+    for position, (noise, temper, simulated) in enumerate(scales):
+        of_means = _shown(weights.on(model.arrays, position).readings(noise, temper), simulated)
+        # Sensors on one side show the roll too, which is taken from their readings.
+        roll = model.groups[position].value - model.arrays[position].value
+        shown.append(of_means._replace(signals=of_means.signals + roll))
+    return tuple(shown)
 
 
 def _shown(readings: Readings, simulated: np.ndarray) -> ShownSignals:

@@ -12,11 +12,23 @@ import numpy as np
 
 from sysid.arrays import Parameters
 from sysid.estimation.residuals.bump_model import BumpModel
+from sysid.estimation.residuals.by_group import ByGroup
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.side_signals import side_signals
+from sysid.estimation.residuals.side_unknowns import KINDS, SideUnknown
+from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import departure_columns
-from sysid.estimation.uncertainty.residual_columns import STEP, ResidualColumns, difference_columns
+from sysid.estimation.uncertainty.residual_columns import (
+    STEP,
+    ResidualColumns,
+    difference_columns,
+    residuals_of_group,
+)
+
+#: Step of the derivatives by unknowns of left and right, of which the signals are linear.
+_SIDE_STEP = 1e-4
 
 
 def allowance_columns(
@@ -38,11 +50,53 @@ def allowance_columns(
     log_parameters : (p,); motion : of all runs.
     """
     here = np.zeros(allowances.count) if amounts is None else amounts
-    count = len(allowances.masses.factors)
+    sides = allowances.masses.sides
+    planar = np.flatnonzero(~sides)
     # Towards the declared value: the simulation does not follow a mass beyond its allowed range.
     steps = np.where(here > 0.0, -STEP, STEP)
     units = steps[:, None] * np.eye(here.size)
     start = allowances.moved(model, here)
-    trials = [(allowances.on_same_roads(start, here + units[j]), float(steps[j])) for j in range(count)]
+    trials = [(allowances.on_same_roads(start, here + units[j]), float(steps[j])) for j in planar]
     by_masses = difference_columns(model, start, weights, log_parameters, motion, trials)
+    if sides.any():
+        by_masses = _with_sides(by_masses, model, allowances, weights, log_parameters, motion)
     return by_masses, departure_columns(model, allowances, weights, log_parameters, motion, here)
+
+
+def _with_sides(
+    by_masses: Sequence[ResidualColumns],
+    model: BumpModel,
+    allowances: Allowances,
+    weights: Weights,
+    log_parameters: Parameters,
+    motion: RunMotion,
+) -> Sequence[ResidualColumns]:
+    """Columns by masses, and after them those by the unknowns of left and right, which are last among the masses."""
+    unknowns = [
+        SideUnknown(f.quantity, f.place, f.sd, f.name, f.words, f.of, f.load_case, f.axle)
+        for f in allowances.masses.factors
+        if f.quantity in KINDS
+    ]
+    signals = None if isinstance(by_masses, ByGroup) else simulate_runs(model, log_parameters, motion)
+
+    def of(position: int) -> ResidualColumns:
+        known = by_masses[position]
+        if signals is None:
+            (shown,) = simulate_runs(model.part(position), log_parameters, motion)
+        else:
+            shown = signals[position]
+        made = side_signals(model, position, log_parameters, motion, unknowns)
+        base, base_gain = residuals_of_group(model, weights, position, shown)
+        residual = np.zeros((*base.shape, len(unknowns)))
+        gain = np.zeros((*base_gain.shape, len(unknowns)))
+        for k in range(len(unknowns)):
+            moved = shown.copy()
+            moved[:, :, made.channels] += _SIDE_STEP * made.columns[..., k]
+            by_residual, by_gain = residuals_of_group(model, weights, position, moved)
+            residual[..., k], gain[..., k] = (by_residual - base) / _SIDE_STEP, (by_gain - base_gain) / _SIDE_STEP
+        return ResidualColumns(
+            np.concatenate([known.residual, residual], axis=-1), np.concatenate([known.gain, gain], axis=-1)
+        )
+
+    count = len(model.groups)
+    return ByGroup(count, of) if isinstance(by_masses, ByGroup) else tuple(of(position) for position in range(count))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -12,7 +12,7 @@ from sysid.campaign.records import Campaign
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.uncertainty.departures import BUSHING, FRICTION, ONE_SIDED, REACH, RIGID, Departures, departures
-from sysid.estimation.uncertainty.uncertain_masses import REACH_SD, UncertainMasses, uncertain_masses
+from sysid.estimation.uncertainty.uncertain_masses import REACH_SD, UncertainMasses, uncertain_masses, with_sides_of
 from sysid.vehicle_model.contact import EffectiveRoad
 from sysid.vehicle_model.passes import EffectiveRoads, Pass
 
@@ -60,7 +60,8 @@ class Allowances:
 
     def with_masses(self, model: BumpModel, amounts: np.ndarray) -> BumpModel:
         """The model with the masses of `amounts` (m + n,) and without departures; its roads stay."""
-        return model.with_vehicle(*self.masses.applied(self.split(amounts)[0]))
+        masses = self.split(amounts)[0]
+        return replace(model.with_vehicle(*self.masses.applied(masses)), sides=self.masses.side_amounts(masses))
 
     def on_same_roads(self, model: BumpModel, amounts: np.ndarray) -> BumpModel:
         """The model with other masses and departures (m + n,); its roads stay."""
@@ -102,4 +103,5 @@ def without_friction(campaign: Campaign, parameters: ParameterSet, felt: Effecti
 
 def _allowances(campaign: Campaign, felt: EffectiveRoads, known: set[tuple[str, int]]) -> Allowances:
     driven = {run.bump for run in campaign.bump_runs}
-    return Allowances(uncertain_masses(campaign), departures(felt, campaign.load_cases_in_use, known, driven))
+    masses = with_sides_of(uncertain_masses(campaign), campaign, felt)
+    return Allowances(masses, departures(felt, campaign.load_cases_in_use, known, driven))

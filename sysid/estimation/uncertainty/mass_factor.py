@@ -12,7 +12,8 @@ class MassFactor:
     The factor on the scale belongs to no place: `place` is 0.
 
     `sd` standard deviation of its logarithm; `words` what it belongs to, for people; `load_case` None where it is
-    shared by all load cases in use.
+    shared by all load cases in use.  Unknowns of left and right (:mod:`sysid.estimation.residuals.side_unknowns`) are
+    among them, some `of` one bump or sensor; most of them are no factors, but amounts that are normal about zero.
     """
 
     name: str
@@ -23,3 +24,4 @@ class MassFactor:
     load_cases: tuple[str, ...]
     axle: int | None = None
     load_case: str | None = None
+    of: str | None = None

@@ -21,8 +21,11 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
+from sysid.estimation.residuals.bump_model import SideKey
+from sysid.estimation.residuals.side_unknowns import KINDS, side_unknowns
 from sysid.estimation.uncertainty.frame_shapes import FRAME_SD, frame_factors, with_frame_mass, with_known_ends
 from sysid.estimation.uncertainty.mass_factor import MassFactor
+from sysid.vehicle_model.passes import EffectiveRoads
 
 T = TypeVar("T")
 
@@ -63,6 +66,16 @@ class UncertainMasses:
         return np.array([f.quantity == SCALE for f in self.factors], bool)
 
     @property
+    def sides(self) -> np.ndarray:
+        """Which of them (m,) are unknowns of left and right, which no planar motion shows."""
+        return np.array([f.quantity in KINDS for f in self.factors], bool)
+
+    def side_amounts(self, amounts: np.ndarray) -> tuple[tuple[SideKey, float], ...]:
+        """What the unknowns of left and right among the amounts (m,) are, for the model."""
+        pairs = zip(self.factors, amounts, strict=True)
+        return tuple(((f.quantity, f.place, f.load_case, f.of), float(a)) for f, a in pairs if f.quantity in KINDS)
+
+    @property
     def frame_shapes(self) -> np.ndarray:
         """Which factors (m,) belong to the shape of a frame that bends."""
         return np.array([f.quantity in FRAME_SD for f in self.factors], bool)
@@ -82,6 +95,8 @@ class UncertainMasses:
         limit = REACH_SD * self.sd
         vehicle, cases, declared_kg = self.vehicle, dict(self.load_cases), _unsprung_by_body(self.vehicle)
         for factor, amount in zip(self.factors, np.clip(log_factors, -limit, limit), strict=True):
+            if factor.quantity in KINDS:
+                continue
             if factor.quantity in FRAME_SD:
                 cases = with_frame_mass(cases, len(vehicle.bodies), factor, float(amount))
             else:
@@ -130,6 +145,16 @@ def uncertain_masses(campaign: Campaign) -> UncertainMasses:
     factors += _axle_load_factors(vehicle, used)
     known = with_known_ends(vehicle, campaign.load_cases, used)
     return UncertainMasses(vehicle, known, tuple(f for f in factors if f.sd > 0.0))
+
+
+def with_sides_of(masses: UncertainMasses, campaign: Campaign, felt: EffectiveRoads) -> UncertainMasses:
+    """The masses, and after them what is not known about left and right, where sensors on one side show roll."""
+    used = tuple(campaign.load_cases_in_use)
+    sides = tuple(
+        MassFactor(u.name, u.kind, u.words, u.place, u.sd, used, axle=u.axle, load_case=u.load_case, of=u.of)
+        for u in side_unknowns(campaign, felt)
+    )
+    return replace(masses, factors=(*masses.factors, *sides))
 
 
 def _axle_load_factors(vehicle: Vehicle, used: Sequence[str]) -> list[MassFactor]:

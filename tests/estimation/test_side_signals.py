@@ -1,0 +1,95 @@
+"""Roll in the readings of sensors on one side: its derivatives, and that means of both sides are free of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from rigid_truck import SENSORS, bump, campaign, empty_run, true_log_parameters
+
+from sysid.campaign.records import Campaign, Scan, Sensor
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.residuals.bump_model import BumpModel, bump_model
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.side_signals import side_signals, with_sides
+from sysid.estimation.residuals.side_unknowns import KINDS, LEVER, SKEW, lever_m, side_unknowns
+from sysid.estimation.uncertainty.allowances import campaign_allowances
+from sysid.road.road_profile import RoadProfile, SideProfiles
+
+SKEW_RAD, AT_M = np.radians(2.0), 0.95
+MOTION = RunMotion.steady(np.array([4.0, 4.2]), np.array([0.4, 0.45]))
+RIGHT = tuple(replace(s, side="right") if s.axle == 0 or s.body is not None else s for s in SENSORS)
+
+
+def turned() -> RoadProfile:
+    """The bump, met by the left wheels first."""
+    profile = bump(height_m=0.03)
+    moved = AT_M * np.tan(SKEW_RAD)
+    left, right = (np.interp(profile.station_m + s * moved, profile.station_m, profile.height_m) for s in (1.0, -1.0))
+    return replace(profile, sides=SideProfiles(left, right, AT_M, float(SKEW_RAD)))
+
+
+@lru_cache(maxsize=2)
+def made(sensors: tuple[Sensor, ...]) -> tuple[Campaign, BumpModel, np.ndarray]:
+    runs = [empty_run(name, v, sensors=sensors) for name, v in (("one.csv", 4.0), ("two.csv", 4.2))]
+    data = replace(campaign(runs), scans={"bump": Scan("bump", "scan.csv", 0.0, np.empty((0, 3)))})
+    parameters = campaign_parameters(data, None)
+    return data, bump_model(data, parameters, {"bump": turned()}), true_log_parameters(parameters.names)
+
+
+def shown(model: BumpModel, x: np.ndarray, sides: Mapping[tuple, float] | None = None) -> np.ndarray:
+    return side_signals(replace(model, sides=tuple((sides or {}).items())), 0, x, MOTION, ()).shown
+
+
+def test_derivatives_are_differences_of_the_roll() -> None:
+    data, model, x = made(RIGHT)
+    unknowns = side_unknowns(data, model.felt)
+    assert {u.kind for u in unknowns} == set(KINDS)
+    found = side_signals(model, 0, x, MOTION, unknowns)
+    base = shown(model, x)[:, :, found.channels]
+    for k, u in enumerate(unknowns):
+        step = 2e-3 * u.sd
+        there = shown(model, x, {(u.kind, u.place, u.load_case, u.of): step})[:, :, found.channels]
+        difference, column = (there - base) / step, found.columns[..., k]
+        size = max(float(np.abs(difference).max()), 1e-9)
+        assert np.abs(column - difference).max() < (0.03 if u.kind == SKEW else 0.02) * size, u.name
+    # Every unknown has an effect of its own.
+    flat = found.columns.reshape(-1, len(unknowns))
+    alike = np.corrcoef(flat, rowvar=False) - np.eye(len(unknowns))
+    assert np.all(np.abs(alike[~np.isnan(alike)]) < 0.9999)
+
+
+def test_left_and_right_show_opposite_roll() -> None:
+    _, model, x = made(RIGHT)
+    other = replace(model, layout=type(model.layout)(tuple(replace(s, side="left") if s.side else s
+                                                           for s in model.layout.sensors)))  # fmt: skip
+    right, left = shown(model, x), shown(other, x)
+    assert np.abs(right).max() > 1e-4
+    np.testing.assert_allclose(left, -right, atol=1e-12)
+
+
+def test_readings_are_cleared_of_roll_and_means_stay() -> None:
+    data, model, x = made(RIGHT)
+    cleared = with_sides(model, x, MOTION)
+    np.testing.assert_allclose(model.groups[0].value - cleared.arrays[0].value, shown(model, x))
+    of_means = [c for c, s in enumerate(model.layout.sensors) if s.side is None]
+    assert not np.any(shown(model, x)[:, :, of_means])
+    assert campaign_allowances(data, model.parameters, model.felt).masses.sides.sum() == len(
+        side_unknowns(data, model.felt)
+    )
+    plain_data, plain, _ = made(SENSORS)
+    assert with_sides(plain, x, MOTION) is plain
+    assert side_unknowns(plain_data, plain.felt) == ()
+
+
+@pytest.mark.parametrize(
+    ("given", "metres"), [({"side": "left"}, 0.45), ({"side": "right", "y_m": -0.6}, -0.6), ({}, 0.0)]
+)
+def test_places_of_sensors(given: dict, metres: float) -> None:
+    data, model, _ = made(RIGHT)
+    assert lever_m(replace(SENSORS[0], **given), model.felt.vehicle) == pytest.approx(metres)
+    sd = {u.of: u.sd for u in side_unknowns(data, model.felt) if u.kind == LEVER}
+    assert set(sd.values()) == {0.15}
