@@ -125,7 +125,14 @@ def differences(output: Path, good: Path) -> list[str]:
     """What the folder holds that an undisturbed one does not: other numbers, other files, files half-written."""
     found, expected = _files(output), _files(good)
     # Times stand in these, or follow from them.
-    timed = ("result.json", "report.html", "stages/timings.json", "stages/settings.json", "posterior.nc")
+    timed = (
+        "files.json",
+        "result.json",
+        "report.html",
+        "stages/timings.json",
+        "stages/settings.json",
+        "posterior.nc",
+    )
     wrong = [f"{name} is missing or too much" for name in sorted(found.keys() ^ expected.keys())]
     wrong += [f"{name} differs" for name in found.keys() & expected.keys() - {*timed} if found[name] != expected[name]]
     if _result(output) != _result(good):
@@ -134,7 +141,12 @@ def differences(output: Path, good: Path) -> list[str]:
 
 
 def _files(folder: Path) -> dict[str, bytes]:
-    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    """Contents by name, without the date of the result, which exported files carry."""
+    result = folder / "result.json"
+    known = json.loads(result.read_text(encoding="utf-8")) if result.is_file() else {}
+    date = known.get("identity", {}).get("date", "").encode()
+    found = {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    return {name: content.replace(date, b"") if date else content for name, content in found.items()}
 
 
 def _result(folder: Path) -> dict[str, Any]:
