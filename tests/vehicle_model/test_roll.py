@@ -82,8 +82,9 @@ def test_what_it_costs_to_separate_means_and_differences() -> None:
 
     for share in (0.06, 0.12):
         other, _ = replace(equal, left=((share, share, 0.0),) * 2).drive(road, TIME_S)
-        change = extension(other) - extension(place)
-        cost[share] = float(np.sqrt(np.mean(change**2) / np.mean(extension(place) ** 2)))
+        # The 2.5 s of the table in the pages on estimation: later, little but the difference is left.
+        change, here = (x[TIME_S <= 2.5] for x in (extension(other) - extension(place), extension(place)))
+        cost[share] = float(np.sqrt(np.mean(change**2) / np.mean(here**2)))
     assert cost[0.06] < 0.01 < cost[0.12] < 0.03
 
 
