@@ -220,8 +220,8 @@ def found_elements(campaign: Campaign, optimum: Optimum, declared: Laws) -> tupl
             causes.append(
                 Cause(
                     kind,
-                    f"Undeclared {WORDS[element]} (axles {listing([str(i + 1) for i in axles])}) explain much of what "
-                    "the records show, and are in the model; what is left may be more of the same.",
+                    f"Much of what the records show comes from undeclared {WORDS[element]} (axles "
+                    f"{listing([str(i + 1) for i in axles])}), which the model has; what is left may be more of it.",
                     modelled=True,
                 )
             )
