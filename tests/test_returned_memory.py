@@ -112,11 +112,12 @@ def test_the_command_line_has_a_process_of_its_own(monkeypatch: pytest.MonkeyPat
 
 _FROZEN = """
 import gc, sys
-from sysid.runtime import configure, own_process
+from sysid.runtime import configure, own_process, require_64_bit
 if sys.argv[1] == "ours":
     own_process()
 for _ in range(2):
     configure()
+    require_64_bit()
     kept = [object() for _ in range(1000)]
     print(gc.get_freeze_count())
 """

@@ -68,7 +68,7 @@ def test_friction_and_stops_of_a_laden_truck(growing):
     ours = simulated_truck(0.00125, law=law_of_the_parameters(), load=LADEN, heights_m=HEIGHTS_M)
     worst = []
     for number, height in enumerate(HEIGHTS_M):
-        oracle = Truck(height, pull, SLIP_M, LADEN).histories(times)
+        oracle = Truck(height, pull, SLIP_M, load=LADEN).histories(times)
         beyond = np.abs(oracle["deflection"]).max(axis=0) - TRAVEL_M
         assert (beyond > (KNOTS_M[-1] if number == 0 else -1.0)).all()
         worst.append(
