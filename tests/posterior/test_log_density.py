@@ -131,7 +131,8 @@ def test_the_density_is_that_of_the_covariance_and_mode_of_the_fit(fit):
     for far in (1.0, 2.0):
         up, down = (in_batches(density, point.mode + s * far * axes) for s in (1.0, -1.0))
         np.testing.assert_allclose((0.5 * (up + down) - here) / far**2, -0.5, atol=0.03)
-        np.testing.assert_allclose((up - down) / far, 0.0, atol=0.1)
+        # The joint optimum ends within a tenth of a standard deviation, where the slope is 0.1 either way.
+        np.testing.assert_allclose((up - down) / far, 0.0, atol=0.2)
     # With masses and tires held some direction costs more.
     held = LogDensity(replace(fit.state, point=replace(point, integrated=None)))
     assert (in_batches(held, point.mode + axes) - held(point.mode[None])).min() < -0.56
