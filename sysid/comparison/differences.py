@@ -21,7 +21,7 @@ one family of which none has changed, one is called changed with a probability o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm
@@ -172,7 +172,8 @@ def _parameters(
     for n, (i, j) in enumerate(pairs):
         a, b = first.estimates[i], second.estimates[j]
         found.append(
-            _Found(
+            Difference(
+                family,
                 a.name,
                 a.quantity,
                 a.axle,
@@ -184,23 +185,7 @@ def _parameters(
                 float(np.sqrt(max(covariance[n, n], 0.0))),
             )
         )
-    return _decided(found, family, tested=not shared.contradict)
-
-
-@dataclass(frozen=True)
-class _Found:
-    """A difference about which nothing is decided yet; fields as those of :class:`Difference`."""
-
-    name: str
-    quantity: str
-    axle: int | None
-    load_cases: tuple[str | None, str | None]
-    unit: str
-    first: tuple[float, float, float]
-    second: tuple[float, float, float]
-    log_ratio: float
-    log_sd: float
-    note: str = ""
+    return _decided(found, tested=not shared.contradict)
 
 
 def _band(log_middle: float, variance: float) -> tuple[float, float, float]:
@@ -218,31 +203,23 @@ def holm(p_values: np.ndarray) -> np.ndarray:
     return adjusted
 
 
-def _decided(found: Sequence[_Found], family: Family, tested: bool = True) -> list[Difference]:
+def _decided(found: Sequence[Difference], tested: bool = True) -> list[Difference]:
     """Differences of one family; without a standard deviation there is nothing to test, and any difference is one."""
-    open_ = [f for f in found if f.log_sd > 0.0]
-    p_values = np.array([2.0 * norm.sf(abs(f.log_ratio) / f.log_sd) for f in open_])
-    adjusted = dict(zip(map(id, open_), holm(p_values), strict=True)) if tested else {}
+    open_ = [d for d in found if d.log_sd > 0.0]
+    p_values = np.array([2.0 * norm.sf(abs(d.log_ratio) / d.log_sd) for d in open_])
+    adjusted = dict(zip(map(id, open_), holm(p_values).tolist(), strict=True)) if tested else {}
     # What the first of Holm's steps asks for.
     clear = float(norm.isf(0.5 * ERROR_RATE / max(len(open_), 1)))
     return [
-        Difference(
-            family,
-            f.name,
-            f.quantity,
-            f.axle,
-            f.load_cases,
-            f.unit,
-            f.first,
-            f.second,
-            f.log_ratio,
-            f.log_sd,
-            None if id(f) not in adjusted else float(adjusted[id(f)]),
-            bool(adjusted[id(f)] < ERROR_RATE) if id(f) in adjusted else tested and abs(f.log_ratio) > 1e-9,
-            float(np.expm1(clear * f.log_sd)) if id(f) in adjusted else None,
-            f.note,
+        replace(
+            d,
+            p_adjusted=adjusted[id(d)],
+            changed=adjusted[id(d)] < ERROR_RATE,
+            least_seen=float(np.expm1(clear * d.log_sd)),
         )
-        for f in found
+        if id(d) in adjusted
+        else replace(d, changed=tested and abs(d.log_ratio) > 1e-9)
+        for d in found
     ]
 
 
@@ -266,8 +243,10 @@ def _static_loads(
         sd = 0.0 if sd < 1e-7 else sd
         ratio = 0.0 if abs(mean[n]) < 1e-7 else float(mean[n])
         name = f"load_{axle + 1}[{case}]"
-        found.append(_Found(name, "static_axle_load", axle + 1, (case, case), "N", before, after, ratio, sd))
-    return _decided(found, "static loads"), []
+        found.append(
+            Difference("static loads", name, "static_axle_load", axle + 1, (case, case), "N", before, after, ratio, sd)
+        )
+    return _decided(found), []
 
 
 def _load_quantities(result: StoredResult, cases: Sequence[str], chosen: Sequence[int]) -> _Quantities:
@@ -309,7 +288,8 @@ def _peaks(first: StoredResult, second: StoredResult) -> tuple[list[Difference],
         sd = float(np.hypot(*[(log[2] - log[1]) / (2.0 * Z90) for log in logs]))
         where = f", {a.shape['name']}" if several and a.shape else ""
         found.append(
-            _Found(
+            Difference(
+                "peak loads",
                 f"peak_{a.axle}[{a.load_case}, {a.speed_km_h:g} km/h{where}]",
                 "peak_axle_load",
                 a.axle,
@@ -322,7 +302,7 @@ def _peaks(first: StoredResult, second: StoredResult) -> tuple[list[Difference],
             )
         )
     said = ["Peak axle loads have no intervals before sampling and are not compared; use 'run'."] if plain else []
-    return _decided(found, "peak loads", tested=False), said
+    return _decided(found, tested=False), said
 
 
 def _pass(p: StoredPeak) -> tuple[object, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from sysid.display import Z90
 from sysid.export.identity import Identity
 from sysid.results.contents import Status, Trust
 from sysid.tabular import Tabular
@@ -42,15 +43,15 @@ class Difference:
     second: tuple[float, float, float]
     log_ratio: float
     log_sd: float
-    p_adjusted: float | None
-    changed: bool
-    least_seen: float | None
     note: str = ""
+    p_adjusted: float | None = None
+    changed: bool = False
+    least_seen: float | None = None
 
     @property
     def change(self) -> tuple[float, float, float]:
         """Relative change from the first to the second: median, 5 % and 95 %."""
-        half = 1.6448536269514722 * self.log_sd
+        half = Z90 * self.log_sd
         middle, low, high = (math.expm1(self.log_ratio + d) for d in (0.0, -half, half))
         return middle, low, high
 

@@ -15,10 +15,9 @@ LARGEST = 1e100
 
 
 def within_range(numbers: np.ndarray) -> np.ndarray:
-    """Numbers (n,), those of at least 1e100 as NaN; the same array where there are none."""
-    with np.errstate(invalid="ignore"):
-        damage = np.abs(numbers) >= LARGEST
-    return np.where(damage, np.nan, numbers) if damage.any() else numbers
+    """Numbers (n,), those that are infinite or at least 1e100 as NaN; the same array where there are none."""
+    fine = np.abs(numbers) < LARGEST
+    return numbers if fine.all() else np.where(fine, numbers, np.nan)
 
 
 @dataclass(frozen=True)

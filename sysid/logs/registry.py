@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from sysid.errors import CampaignError
 from sysid.logs import text
-from sysid.logs.channels import LogContent, LogFormat, LogRequest, RawChannel, within_range
+from sysid.logs.channels import LogContent, LogFormat, LogRequest
 from sysid.logs.formats import arrow, can_bus, excel, hdf5, lvm, mat, mdf, tdms, uff
 from sysid.logs.input_file import InputFile
 from sysid.logs.sparse_channels import with_own_rows
@@ -75,15 +74,9 @@ def read_channels(file: InputFile, label: str, request: LogRequest) -> LogConten
         If the file cannot be read.
     """
     content = format_of(file, request.format).read(file, label, request)
-    read, sparse = with_own_rows(_undamaged(content.channels), label)
+    read, sparse = with_own_rows(content.channels, label)
     clocks = {id(c.clock): c.clock for c in read}
     found = {key: settled(clock, label) for key, clock in clocks.items()}
     channels = tuple(replace(c, clock=found[id(c.clock)][0]) for c in read)
     said = dict.fromkeys(sentence for _, sentences in found.values() for sentence in sentences)
     return replace(content, channels=channels, messages=(*content.messages, *sparse, *said))
-
-
-def _undamaged(channels: Sequence[RawChannel]) -> list[RawChannel]:
-    """Channels without the numbers that are damage: those of values and stamps are missing."""
-    clocks = {id(c.clock): replace(c.clock, time_s=within_range(c.clock.time_s)) for c in channels}
-    return [replace(c, clock=clocks[id(c.clock)], values=within_range(c.values)) for c in channels]

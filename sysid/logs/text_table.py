@@ -13,6 +13,7 @@ import numpy as np
 
 from sysid import limits
 from sysid.errors import DataRejectedError
+from sysid.logs.channels import within_range
 from sysid.logs.input_file import FileRefusedError, InputFile, read_file
 from sysid.logs.table_head import MOST_ROWS, head_below, rows_above_numbers
 from sysid.logs.text_instants import has_instants, is_coarse_instant, is_instant, read_instants
@@ -133,7 +134,7 @@ class TextTable:
         return has_instants(self._numbers(), place)
 
     def read(self, places: Sequence[int], instants: Sequence[int] = ()) -> dict[int, np.ndarray]:
-        """Columns (rows,) as float64, NaN where a cell is empty, infinite or says NaN; those of `instants` in seconds.
+        """Columns (rows,) as float64, NaN where a cell is empty or beyond what is measured; `instants` in seconds.
 
         Raises
         ------
@@ -160,8 +161,7 @@ class TextTable:
         count = len(next(iter(columns.values())))
         if count == 0:
             raise DataRejectedError(f"{self.label} has a header but no rows; export the log again.")
-        for values in columns.values():
-            values[~np.isfinite(values)] = np.nan
+        columns = {place: within_range(values) for place, values in columns.items()}
         return columns | {place: np.full(count, np.nan) for place in places if place not in columns}
 
     def _numbers(self) -> NumberTable:

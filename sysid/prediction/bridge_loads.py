@@ -33,10 +33,10 @@ from sysid.prediction.bridge_effects import BridgeLoads
 from sysid.prediction.effect_extremes import EffectExtremes, bridge_loads, bridge_of, effect_extremes, stored_instants
 from sysid.prediction.felt_road import GENTLE_STEP_M, HARSH
 from sysid.prediction.finite import check_finite
-from sysid.prediction.measures import extremes, quantiles
+from sysid.prediction.measures import extremes
+from sysid.prediction.pass_over_road import pass_over_road
 from sysid.prediction.predicted_passes import PassPrediction
-from sysid.prediction.remarks import remarks
-from sysid.prediction.trust import DrivenRange, Reached, extrapolations
+from sysid.prediction.trust import DrivenRange
 from sysid.prediction.vehicle_draws import VehicleDraws
 from sysid.prediction.vehicle_groups import Driven, VehicleGroup, felt_by_vehicle, vehicle_groups
 from sysid.progress import Progress, unwatched
@@ -160,7 +160,21 @@ def predict_bridge(
     misfit = max(g.misfit for g in grounds)
     of_all = [f.effects for f in found]
     loads = bridge_loads(course, times, crossing, of_all, of_all[: len(groups)], max(f.rounds for f in found))
-    return _prediction(state, request, loads, time, first, measured, static, driven, vehicles, misfit)
+    tire, at_rest = (np.concatenate(of, axis=-1) for of in ([f.tire_N for f in first], [f.static_N for f in first]))
+    # What the pass over the deck leaves out of a truck's balance is on the bridge: the sum is not judged.
+    measured |= {"mean_ratio": tire.mean(axis=0) / at_rest, "sum_ratio": np.ones((1, tire.shape[-1]))}
+    return pass_over_road(
+        state.campaign,
+        request,
+        time[::2],
+        tire,
+        measured,
+        static,
+        driven,
+        vehicles.stops if vehicles.vehicles is None else vehicles.vehicles.stops,
+        _said(request, loads, misfit),
+        bridge=loads,
+    )
 
 
 def _check_duration(course: BridgeCourse, speed_m_s: float, duration_s: float) -> None:
@@ -311,52 +325,6 @@ def _largest(found: Sequence[_Found], groups: int) -> dict[str, np.ndarray]:
         else:
             whole[name] = values.min(axis=0) if name == "least" else values.max(axis=0)
     return whole
-
-
-def _prediction(
-    state: FitState,
-    request: PredictionRequest,
-    loads: BridgeLoads,
-    time: np.ndarray,
-    first: Sequence[_Found],
-    measured: dict[str, np.ndarray],
-    static: np.ndarray,
-    driven: DrivenRange,
-    vehicles: BridgeVehicles,
-    misfit: float,
-) -> PassPrediction:
-    tire = np.concatenate([f.tire_N for f in first], axis=-1)
-    at_rest = np.concatenate([f.static_N for f in first], axis=-1)
-    force, ratio = quantiles(tire), quantiles(measured["most"] / static[:, None])
-    names = ("tire_deflection_m", "jounce_m", "rebound_m", "damper_speed_m_s", "lift_off_s")
-    reached = Reached(request.speed_m_s, **{n: np.median(measured[n], axis=-1) for n in names})
-    stops = vehicles.stops if vehicles.vehicles is None else vehicles.vehicles.stops
-    acting = {} if stops is None else stops.acting(measured["jounce_m"], measured["rebound_m"])
-    trust = extrapolations(reached, driven, request.load_case, acting)
-    return PassPrediction(
-        load_case=request.load_case,
-        speed_m_s=request.speed_m_s,
-        time_s=np.round(time[::2], 6),
-        tire_force_q05_N=None if force.q05 is None else force.q05.T,
-        tire_force_q50_N=force.q50.T,
-        tire_force_q95_N=None if force.q95 is None else force.q95.T,
-        static_load_N=static,
-        peak_ratio_q05=ratio.q05,
-        peak_ratio_q50=ratio.q50,
-        peak_ratio_q95=ratio.q95,
-        lift_off=(measured["least"] <= 0.0).mean(axis=1) >= 0.5,
-        warnings=(
-            *remarks(state.campaign, request, trust, 1.0, acting),
-            *_said(request, loads, misfit),
-        ),
-        lift_off_s=quantiles(measured["lift_off_s"]),
-        jounce_m=quantiles(measured["jounce_m"]),
-        rebound_m=quantiles(measured["rebound_m"]),
-        impulse_ratio=quantiles(tire.mean(axis=0) / at_rest),
-        shape=request.bump,
-        trust=trust,
-        bridge=loads,
-    )
 
 
 def _said(request: PredictionRequest, loads: BridgeLoads, misfit: float) -> list[str]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from sysid import limits
 from sysid.arrays import DrawsByParameters, SamplesByAxlesBySets
-from sysid.campaign.records import Campaign, PredictionRequest
+from sysid.campaign.records import PredictionRequest
 from sysid.campaign.roads import RoadCourse
 from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitState
@@ -22,9 +22,9 @@ from sysid.prediction.assumed_stops import AssumedStops
 from sysid.prediction.felt_road import HARSH, MOST_HARSH_M, FeltRoad
 from sysid.prediction.finite import check_finite
 from sysid.prediction.measures import extremes, quantiles
+from sysid.prediction.pass_over_road import pass_over_road
 from sysid.prediction.predicted_passes import PassPrediction, RoadLoads
-from sysid.prediction.remarks import remarks
-from sysid.prediction.trust import DrivenRange, Reached, extrapolations
+from sysid.prediction.trust import DrivenRange
 from sysid.prediction.vehicle_draws import (
     VehicleDraws,
 )
@@ -125,17 +125,19 @@ def predict_road(
         found.append(_measures(drives, on_road, x / speed / INTERVAL_S))
     measured = {name: np.concatenate([f[name] for f in found], axis=-1) for name in found[0]}
     static = batch.matrices.static_load[0, :, 0]
-    return _prediction(
+    misfit = max(0.0 if road.harsh else road.misfit for road in roads)
+    return pass_over_road(
         campaign,
         request,
-        _loads(course, tracks, measured),
         time,
         np.concatenate(bands, axis=-1),
         measured,
         static,
         driven,
         stops if vehicles is None else vehicles.stops,
-        max(0.0 if road.harsh else road.misfit for road in roads),
+        _said(request, misfit),
+        load_coefficient=quantiles(measured["coefficient"]),
+        road=_loads(course, tracks, measured),
     )
 
 
@@ -238,49 +240,11 @@ def _loads(
     )
 
 
-def _prediction(
-    campaign: Campaign,
-    request: PredictionRequest,
-    loads: RoadLoads,
-    time: np.ndarray,
-    band: np.ndarray,
-    measured: dict[str, np.ndarray],
-    static: np.ndarray,
-    driven: DrivenRange,
-    stops: AssumedStops | None,
-    misfit: float,
-) -> PassPrediction:
-    force = quantiles(band)
-    ratio = quantiles(measured["most"] / static[:, None])
-    names = ("tire_deflection_m", "jounce_m", "rebound_m", "damper_speed_m_s", "lift_off_s")
-    reached = Reached(request.speed_m_s, **{n: np.median(measured[n], axis=-1) for n in names})
-    acting = {} if stops is None else stops.acting(measured["jounce_m"], measured["rebound_m"])
-    trust = extrapolations(reached, driven, request.load_case, acting)
-    said = remarks(campaign, request, trust, float(np.median(measured["sum_ratio"])), acting)
-    if misfit > HARSH:
-        said += (
-            f"{request.bump}: the road has edges that a tire does not smooth as the model takes it; loads there may be "
-            f"off by {100.0 * misfit:.0f} % of the static load. Cut the road to {MOST_HARSH_M:g} m about them.",
-        )
-    return PassPrediction(
-        load_case=request.load_case,
-        speed_m_s=request.speed_m_s,
-        time_s=np.round(time, 6),
-        tire_force_q05_N=None if force.q05 is None else force.q05.T,
-        tire_force_q50_N=force.q50.T,
-        tire_force_q95_N=None if force.q95 is None else force.q95.T,
-        static_load_N=static,
-        peak_ratio_q05=ratio.q05,
-        peak_ratio_q50=ratio.q50,
-        peak_ratio_q95=ratio.q95,
-        lift_off=(measured["least"] <= 0.0).mean(axis=1) >= 0.5,
-        warnings=said,
-        load_coefficient=quantiles(measured["coefficient"]),
-        lift_off_s=quantiles(measured["lift_off_s"]),
-        jounce_m=quantiles(measured["jounce_m"]),
-        rebound_m=quantiles(measured["rebound_m"]),
-        impulse_ratio=quantiles(measured["mean_ratio"]),
-        shape=request.bump,
-        trust=trust,
-        road=loads,
-    )
+def _said(request: PredictionRequest, misfit: float) -> list[str]:
+    """What has to be known about the road of a pass."""
+    if misfit <= HARSH:
+        return []
+    return [
+        f"{request.bump}: the road has edges that a tire does not smooth as the model takes it; loads there may be "
+        f"off by {100.0 * misfit:.0f} % of the static load. Cut the road to {MOST_HARSH_M:g} m about them."
+    ]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import Campaign
+from sysid.estimation.fit.causes import CauseKind
 from sysid.results.parameter_table import parameter_table
 from sysid.road.road_profile import ScanAnalysis
 from sysid.sdof.drop_results import DropSummary
@@ -50,20 +51,7 @@ ReasonKind = Literal[
     "doubtful_input",
     "not_sampled",
     "none",
-    "friction",
-    "leaf",
-    "helper",
-    "bushing",
-    "damper",
-    "air_spring",
-    "stops",
-    "bump",
-    "own_springs",
-    "mass",
-    "sensor",
-    "clock",
-    "place",
-    "load_case",
+    CauseKind,
 ]
 #: Those with which nobody should rely on the numbers and their intervals.
 FORBIDDING: tuple[Trust, ...] = ("do_not_bet", "not_yet")

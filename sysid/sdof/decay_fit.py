@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from sysid.campaign.units import STANDARD_GRAVITY_M_S2
+from sysid.display import Z90
 from sysid.sdof.decay import PreparedRecord
 from sysid.sdof.decay_models import (
     DECLARED,
@@ -59,7 +60,6 @@ _AT_REST = 4.0  # standard deviations of the noise, within which a record is ove
 _CLOSE = 15.0  # in the logarithm of the odds: models that count
 _MOST_ELEMENTS = 4
 _LINEAR_LAWS = frozenset({"mode"})
-_Z90 = 1.6448536269514722
 
 
 def fit_decay(
@@ -441,7 +441,7 @@ def _widths(away: np.ndarray, sd: np.ndarray, share: np.ndarray) -> np.ndarray:
         d, s = away[:, i], sd[:, i]
 
         def held(width: float, d: np.ndarray = d, s: np.ndarray = s) -> float:
-            reach = _Z90 * width
+            reach = Z90 * width
             return float(share @ (ndtr((reach - d) / s) - ndtr((-reach - d) / s))) - 0.9
 
         most = float(np.max(np.abs(d) + 3.0 * s))

@@ -109,6 +109,7 @@ def test_wrong_tables_are_refused(tmp_path: Path, text: str, words: str):
         ("x,moment_mid_m\n0,0\n1,1\n2,0\n", "no column station_m"),
         ("station_m,moment_mid_m\n0,0\n2,1\n1,0\n", "stations must increase along the bridge .row 3"),
         ("station_m,moment_mid_m\n0,0\n1,\n2,0\n", "row 3: moment_mid_m is missing"),
+        ("station_m,moment_mid_m\n0,0\n1,1e308\n2,0\n", "row 3: moment_mid_m is missing"),
         ("station_m\n0\n1\n2\n", "no influence lines beside station_m"),
         ("station_m,moment_mid_m\n-1,0\n1,1\n2,0\n", "count them from the first support"),
     ],

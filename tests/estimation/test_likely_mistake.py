@@ -12,7 +12,7 @@ import pytest
 from rigid_truck import AXLES, DAMPING, EMPTY, LADEN, STIFFNESS, VEHICLE, bump, campaign, empty_run, with_values
 
 from sysid.campaign.records import Campaign, Channel
-from sysid.estimation.fit.fit_result import Cause
+from sysid.estimation.fit.causes import Cause
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.likely_mistake import NAMED_SHARE, MistakeScore, likely_mistake, mistake_scores, named_mistake

@@ -13,7 +13,8 @@ from sysid.campaign.clocks.moved import on_moved_clocks
 from sysid.campaign.records import Campaign
 from sysid.campaign.statics import carried_by_suspensions
 from sysid.errors import DataRejectedError
-from sysid.estimation.fit.fit_result import Cause, FitResult, MassCheck, UndecidedLaw
+from sysid.estimation.fit.causes import Cause
+from sysid.estimation.fit.fit_result import FitResult, MassCheck, UndecidedLaw
 from sysid.estimation.fit.found_departures import found_departures
 from sysid.estimation.fit.implausible_values import implausible_values
 from sysid.estimation.fit.minimiser import Minimum

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from sysid.arrays import ParametersByParameters
+from sysid.estimation.fit.causes import Cause
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.parameters.rockers import LoadShare
 from sysid.estimation.parameters.undeclared_parts import UndeclaredFrame
@@ -21,25 +22,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-#: What may lie behind records that the declared truck does not explain: physics of its suspensions, a bump that is not
-#: as scanned, a part on springs of its own, declared masses, and how sensors, axles and runs are entered.
-CauseKind = Literal[
-    "friction",
-    "leaf",
-    "helper",
-    "bushing",
-    "damper",
-    "air_spring",
-    "stops",
-    "bump",
-    "own_springs",
-    "mass",
-    "sensor",
-    "clock",
-    "place",
-    "load_case",
-]
-
 _PARAMETER_COLUMNS = (
     "name",
     "axle",
@@ -53,18 +35,6 @@ _PARAMETER_COLUMNS = (
     "prior_sd",
     "identified",
 )
-
-
-@dataclass(frozen=True)
-class Cause:
-    """Something that the campaign file does not say and the records show: its `kind`, and a `sentence` about it.
-
-    What is `modelled` is in the calibrated model.
-    """
-
-    kind: CauseKind
-    sentence: str
-    modelled: bool = False
 
 
 @dataclass(frozen=True)

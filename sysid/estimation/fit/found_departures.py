@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sysid.arrays import ParametersByParameters
-from sysid.estimation.fit.fit_result import Cause
+from sysid.estimation.fit.causes import Cause
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departures import BUMP, BUSHING
 from sysid.estimation.uncertainty.mass_response import MassResponse

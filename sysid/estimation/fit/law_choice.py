@@ -13,9 +13,10 @@ from functools import partial
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import Vehicle
+from sysid.estimation.fit.causes import Cause, CauseKind
 from sysid.estimation.fit.contact_trials import contact_trials
 from sysid.estimation.fit.evaluation import evaluate_optimum
-from sysid.estimation.fit.fit_result import Cause, CauseKind, FitResult, LawComparison
+from sysid.estimation.fit.fit_result import FitResult, LawComparison
 from sysid.estimation.fit.joint_optimum import joint_optimum
 from sysid.estimation.fit.law_comparison import compare_laws
 from sysid.estimation.fit.law_screen import largest_gain

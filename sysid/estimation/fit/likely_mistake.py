@@ -17,7 +17,7 @@ from itertools import islice
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.estimation.fit.fit_result import Cause
+from sysid.estimation.fit.causes import Cause
 from sysid.estimation.fit.mistake_candidates import Directions, MistakeCandidate
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.thresholds import MISFIT

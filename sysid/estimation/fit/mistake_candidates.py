@@ -16,7 +16,7 @@ import numpy as np
 from sysid.arrays import Parameters
 from sysid.campaign.records import Campaign, Sensor
 from sysid.campaign.vehicle_records import FrameBending
-from sysid.estimation.fit.fit_result import CauseKind
+from sysid.estimation.fit.causes import CauseKind
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion

@@ -1,0 +1,37 @@
+"""What the records show that the campaign file does not say: kinds of causes, and one cause in a sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+#: What may lie behind records that the declared truck does not explain: physics of its suspensions, a bump that is not
+#: as scanned, a part on springs of its own, declared masses, and how sensors, axles and runs are entered.
+CauseKind = Literal[
+    "friction",
+    "leaf",
+    "helper",
+    "bushing",
+    "damper",
+    "air_spring",
+    "stops",
+    "bump",
+    "own_springs",
+    "mass",
+    "sensor",
+    "clock",
+    "place",
+    "load_case",
+]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Something that the campaign file does not say and the records show: its `kind`, and a `sentence` about it.
+
+    What is `modelled` is in the calibrated model.
+    """
+
+    kind: CauseKind
+    sentence: str
+    modelled: bool = False
