@@ -180,10 +180,13 @@ def test_a_mesh_with_faces_reads_its_vertices(tmp_path: Path, text: bool, order:
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits on memory are those of Linux")
 def test_memory_of_the_child_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the full limit holds is refused under a smaller one."""
-    assert read_in_child(taken, b"", "scan.laz", ["numpy"], bytes=40_000_000)[0] == {"bytes": 40_000_000}
+    # Far above what an allocator keeps of memory that was freed before: such memory is in use already, and no limit
+    # counts it again.
+    wanted = 300_000_000
+    assert read_in_child(taken, b"", "scan.laz", ["numpy"], bytes=wanted)[0] == {"bytes": wanted}
     monkeypatch.setattr(limits, "READER_BYTES", 8_000_000)
     with pytest.raises(DataRejectedError, match="takes more than 8 MB of memory"):
-        read_in_child(taken, b"", "scan.laz", ["numpy"], bytes=40_000_000)
+        read_in_child(taken, b"", "scan.laz", ["numpy"], bytes=wanted)
 
 
 def test_an_increment_that_asks_for_any_number_of_stations(tmp_path: Path) -> None:
