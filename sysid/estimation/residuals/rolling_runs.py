@@ -1,0 +1,347 @@
+"""Roll of runs or predicted passes: usual values of trucks, and what drives the roll about a planar motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from sysid.arrays import Parameters
+from sysid.campaign.statics import chains
+from sysid.campaign.wheel_places import across_axle
+from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws
+from sysid.estimation.residuals.bump_model import SideKey
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.side_unknowns import (
+    AXLE_INERTIA,
+    BODY_INERTIA,
+    CG_SIDE,
+    CORNERING,
+    DAMPER_SIDE,
+    ROLL_DAMPING,
+    ROLL_STIFFNESS,
+    SKEW,
+    SPRING_SIDE,
+    TIRE_ROLL,
+    TIRE_SIDE,
+    SideUnknown,
+)
+from sysid.road.enveloping import effective_profile, spoke_table
+from sysid.vehicle_model import engine
+from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
+from sysid.vehicle_model.engine import Timing
+from sysid.vehicle_model.passes import EffectiveRoads, Pass
+from sysid.vehicle_model.roll import (
+    FrictionBySide,
+    RollMotion,
+    RollSystem,
+    Sideways,
+    TiresBySide,
+    roll_motion,
+)
+from sysid.vehicle_model.simulation import Histories
+from sysid.vehicle_model.stacked_matrices import StackedMatrices
+
+#: Radius of gyration of bodies about their axis of roll [m], and of axles over half their track: usual values of
+#: trucks (assumptions).
+_BODY_RADIUS_M, _AXLE_RADIUS = 0.85, 0.76
+#: Cornering stiffness of tires over their load [1/rad]: that of radial tires at their rated load in UMTRI-86-12.
+_CORNERING = 6.5
+#: Roll damping of a suspension over that of its dampers at their track: bushings and leaves damp too (assumption).
+_RUBBING = 1.3
+#: Roll stiffness of a suspension over that of its springs at their track: leaves twist and axles guide (assumption).
+_AUXILIARY = 1.8
+#: Roll stiffness of a hitch with the frames beside it [N m/rad] (assumption).
+_HITCH = 1e6
+#: Step of the derivatives, as a share of a unit.
+_SMALL = 1e-3
+
+
+@dataclass(frozen=True)
+class PlanarRuns:
+    """Runs of which some, all of one load case, roll.
+
+    - `passes` of all R runs, `rows` those that roll;
+    - `felt`: effective roads of the wheels, with the vehicle and its load cases;
+    - `matrices`, `road`, `laws` of the R runs, `axle_x` (na, 1) [m], `motion` of the R runs;
+    - `timing`: samples of the roll and their interval, with the integration steps of the planar motion between them;
+    - `sides`: amounts by which left and right differ from usual.
+    """
+
+    passes: Sequence[Pass]
+    rows: np.ndarray
+    felt: EffectiveRoads
+    matrices: StackedMatrices
+    road: EffectiveRoad
+    laws: LawInputs
+    axle_x: np.ndarray
+    motion: RunMotion
+    timing: Timing
+    sides: tuple[tuple[SideKey, float], ...]
+
+
+class RollingRuns:
+    """Roll of runs of one load case about their planar motion.
+
+    - `system`: their :class:`~sysid.vehicle_model.roll.RollSystem`;
+    - `base`: their roll with the amounts of `sides`, one course.
+    """
+
+    def __init__(self, planar: PlanarRuns, log_parameters: Parameters):
+        self._planar, self._rows = planar, planar.rows
+        passes = planar.passes
+        self._vehicle = vehicle = planar.felt.vehicle
+        self._sides = dict(planar.sides)
+        self._passes = [passes[r] for r in planar.rows]
+        self._step = planar.timing.interval_s
+        self._time = self._step * np.arange(planar.timing.samples)
+        self._case = case = planar.felt.load_cases[self._passes[0].load_case]
+        self._across = [across_axle(a) for a in vehicle.axles]
+        self._half = np.array([0.5 * a.track_m for a in self._across])
+
+        # The planar motion: loads of the axles, and what acts where the sides differ.
+        along, rows = planar.motion, planar.rows
+        road = engine.wheel_road(
+            planar.matrices, planar.road, planar.axle_x, along.along_road(planar.axle_x), planar.timing
+        )
+        suspension, tire = axle_laws(planar.laws, log_parameters[:, None])
+        found = road.engine.histories(planar.matrices, suspension, tire, road, planar.timing)
+
+        def of_rows(values: object) -> np.ndarray:
+            """(R, na) of the rows."""
+            full = np.broadcast_to(np.asarray(values), (len(passes), len(vehicle.axles), 1))
+            return np.asarray(full[rows, :, 0])
+
+        def course(values: object) -> np.ndarray:
+            """(T, na, R) of the rows."""
+            return np.asarray(np.moveaxis(np.asarray(values)[..., 0][:, rows], 1, 2))
+
+        static = of_rows(planar.matrices.static_load)[0]
+        self._load = course(found.tire_force) - static[:, None]
+        self._extension = course(found.deflection)
+        self._push = course(found.suspension_force)
+        exponent = float(np.asarray(tire.exponent).reshape(-1)[0])
+        rest, reference = of_rows(tire.static_deflection)[0], of_rows(tire.reference_deflection)[0]
+
+        # Axles on a common beam share the suspension of its first one.
+        of_axle = list(vehicle.suspension_axle)
+        shared = np.array([of_axle.count(i) for i in of_axle])
+        self._stiffness = of_rows(suspension.stiffness)[0, of_axle] / shared
+        self._damping = of_rows(suspension.damping)[0, of_axle] / shared
+        self._of_spring = np.array([0.5 * a.spring_track_m for a in self._across])
+        self._of_damper = np.array([0.5 * a.damper_track_m for a in self._across])
+        axles, bodies = range(len(vehicle.axles)), range(len(vehicle.bodies))
+        factor = self.factor
+        in_roll = np.array([factor(TIRE_ROLL, i) for i in axles])
+        self.system = RollSystem(
+            body_inertia=np.array(case.sprung_mass_kg)
+            * _BODY_RADIUS_M**2
+            * np.array([factor(BODY_INERTIA, b, case.name) for b in bodies]),
+            axle_inertia=np.array(vehicle.unsprung_mass_kg)
+            * (_AXLE_RADIUS * self._half) ** 2
+            * np.array([factor(AXLE_INERTIA, i) for i in axles]),
+            stiffness=_AUXILIARY
+            * self._stiffness
+            * self._of_spring**2
+            * np.array([factor(ROLL_STIFFNESS, i) for i in axles]),
+            damping=_RUBBING * self._damping * self._of_damper**2 * np.array([factor(ROLL_DAMPING, i) for i in axles]),
+            tire_stiffness=in_roll * exponent * static / rest,
+            tire_damping=in_roll * of_rows(tire.damping)[0] * np.sqrt(rest / reference),
+            square_track_m2=np.array([np.mean(np.square(a.tires_m)) for a in self._across]),
+            body_of=tuple(a.body for a in vehicle.axles),
+            hitches=tuple(pair for chain in chains(vehicle) for pair in pairwise(chain)),
+            hitch_stiffness=_HITCH,
+            sideways=self._sideways(static, along.of(rows.tolist())),
+        )
+        some = along.of(rows.tolist())
+        since = self._time[:, None] - some.start_s
+        travelled = since * (
+            some.speed_m_s + 0.5 * np.asarray(some.along_road(planar.axle_x).acceleration)[:, 0] * since
+        )
+        # (T, na, R)
+        self._station = travelled[:, None, :] - planar.axle_x
+        difference = self._road(by_skew=False)
+        deflection = self._mean_deflection(found, tire, course)
+        self._tires = TiresBySide(
+            half_track_m=self._half,
+            exponent=exponent,
+            deflection=deflection,
+            rate=np.gradient(deflection, self._step, axis=0),
+            difference=difference,
+            difference_rate=np.gradient(difference, self._step, axis=0),
+            reference_load=in_roll * of_rows(tire.reference_load)[0],
+            reference_deflection=of_rows(tire.reference_deflection)[0],
+            damping=in_roll * of_rows(tire.damping)[0],
+        )
+        self._friction = None
+        if suspension.friction is not None and suspension.slip is not None:
+            self._friction = FrictionBySide(
+                self._of_spring,
+                of_rows(suspension.friction)[0, of_axle] / shared,
+                of_rows(suspension.slip)[0, of_axle],
+                self._extension,
+            )
+        self._given = self._moments_of_sides()[..., None]
+        self.base = roll_motion(self.system, self._step, self._given, self._tires, self._friction)
+        self._slopes = self._tires.slopes(self.base.angle[:, self.system.axles, :, 0])
+
+    def _sideways(self, static_N: np.ndarray, motion: RunMotion) -> Sideways:
+        """Lateral motion at the mean speed of the runs, under static axle loads (na,)."""
+        vehicle, speed = self._vehicle, motion.mean_speed_m_s
+        radius = np.array([a.tire_radius_m for a in vehicle.axles])
+        axis = [float(np.mean([a.tire_radius_m for a in vehicle.axles if a.body == b] or radius))
+                for b in range(len(vehicle.bodies))]  # fmt: skip
+        reference = float(np.mean(speed))
+        return Sideways(
+            body_mass=np.array(self._case.sprung_mass_kg),
+            cg_above_axis_m=np.maximum(np.array(self._case.cg_height_m) - axis, 0.0),
+            mass=float(np.sum(self._case.sprung_mass_kg) + np.sum(vehicle.unsprung_mass_kg)),
+            cornering=_CORNERING * static_N * self.factor(CORNERING, 0) / reference,
+            radius_m=radius,
+            slower=reference / speed,
+        )
+
+    def _amount(self, kind: str, place: int, load_case: str | None = None, of: str | None = None) -> float:
+        return self._sides.get((kind, place, load_case, of), 0.0)
+
+    def factor(self, kind: str, place: int, load_case: str | None = None, of: str | None = None) -> float:
+        """What the amounts make of a quantity, over its usual value."""
+        return float(np.exp(self._amount(kind, place, load_case, of)))
+
+    def _road(self, by_skew: bool) -> np.ndarray:
+        """Difference of the road under left and right wheels (T, na, R) [m], or its derivative by the skew."""
+        felt, first = self._planar.felt, next(iter(self._planar.felt.load_cases.values()))
+        gravity, result = self._vehicle.gravity_m_s2, np.zeros_like(self._station)
+        total = np.zeros_like(result)
+        for r, driven in enumerate(self._passes):
+            profile = felt.profiles[driven.bump]
+            sides = profile.sides
+            assert sides is not None
+            turned = self._amount(SKEW, 0, None, driven.bump)
+            for i, axle in enumerate(self._vehicle.axles):
+                for sign, heights in ((1.0, sides.left_m), (-1.0, sides.right_m)):
+                    table = spoke_table(replace(profile, height_m=heights, sides=None), axle.tire_radius_m)
+                    load, reference = (c.axle_loads_kg[i] * gravity for c in (self._case, first))
+                    station, rise = effective_profile(table, load, reference, axle.tire_stiffness_N_per_m)
+                    ahead = (self._half[i] - sides.at_m) * np.tan(sides.skew_rad) + self._half[i] * turned
+                    at = self._station[:, i, r] + sign * ahead
+                    inside = (at > station[0]) & (at < station[-1])
+                    course = CubicSpline(station, rise)
+                    height = course(at[inside])
+                    result[inside, i, r] += course(at[inside], 1) * self._half[i] if by_skew else sign * height
+                    total[inside, i, r] += height
+        self._sum_of_road = total
+        return np.asarray(result)
+
+    def _mean_deflection(self, found: Histories, tire: TireLaw, course: Callable[[object], np.ndarray]) -> np.ndarray:
+        """Deflection e (T, na, R) of the tires in the planar motion, below 0 by the gap where they are off the road."""
+        planar, rows, axles = self._planar, self._rows, len(self._vehicle.axles)
+        exponent = float(np.asarray(tire.exponent).reshape(-1)[0])
+
+        def of_rows(values: object) -> np.ndarray:
+            """(na, R) of the rows."""
+            shape = (planar.axle_x.shape[0], len(rows))
+            full = np.broadcast_to(np.asarray(values), (len(planar.passes), axles, 1))
+            return np.asarray(full[rows, :, 0].T.reshape(shape))
+
+        reference = of_rows(tire.reference_deflection)
+        force = course(found.tire_force)
+        pressed = reference * (np.maximum(force, 0.0) / of_rows(tire.reference_load)) ** (1.0 / exponent)
+        body = np.asarray(found.body)[..., 0][:, rows]
+        above = np.einsum("rib,trb->tir", planar.matrices.position[rows][:, :axles], body)
+        height = above - self._extension
+        gap = of_rows(tire.static_deflection) + self._mean_road() - height
+        return np.asarray(np.where(force > 0.0, pressed, np.minimum(gap, 0.0)))
+
+    def _mean_road(self) -> np.ndarray:
+        """Mean of the road under left and right wheels (T, na, R) [m]."""
+        return np.asarray(0.5 * self._sum_of_road)
+
+    def _of_tires(self, difference: np.ndarray) -> np.ndarray:
+        """Moment (T, na, R) on the axles from a small difference of the road under both sides."""
+        stiffness, damping = self._slopes
+        rate = np.gradient(difference, self._step, axis=0)
+        return np.asarray(0.5 * self._half[:, None] * (stiffness * difference + damping * rate))
+
+    def _all(self, of_axles: np.ndarray | None = None, of_suspensions: np.ndarray | None = None) -> np.ndarray:
+        """Moments (T, n, R) from those on axles, and those that suspensions put on the body above, (T, na, R)."""
+        given = of_axles if of_axles is not None else of_suspensions
+        assert given is not None
+        total = np.zeros((given.shape[0], self.system.inertia.shape[0], given.shape[2]))
+        if of_axles is not None:
+            total[:, self.system.axles] += of_axles
+        if of_suspensions is not None:
+            total += np.einsum("in,tir->tnr", self.system.turns, of_suspensions)
+        return total
+
+    def _by_side(self, kind: str, place: int) -> np.ndarray:
+        """Moment (T, n, R) per unit of what one side has more than the other."""
+        only = np.zeros((len(self._vehicle.axles), 1))
+        only[place] = 1.0
+        if kind == SPRING_SIDE:
+            pull = self._stiffness[:, None] * self._extension
+            return self._all(of_suspensions=-only * self._of_spring[:, None] * pull)
+        if kind == DAMPER_SIDE:
+            pull = self._damping[:, None] * np.gradient(self._extension, self._step, axis=0)
+            return self._all(of_suspensions=-only * self._of_damper[:, None] * pull)
+        if kind == TIRE_SIDE:
+            return self._all(of_axles=only * self._half[:, None] * self._load)
+        total = np.zeros((self._time.size, self.system.inertia.shape[0], len(self._rows)))
+        above = [i for i, a in enumerate(self._vehicle.axles) if a.body == place]
+        total[:, place] = -self._push[:, above].sum(axis=1)
+        return total
+
+    def _moments_of_sides(self) -> np.ndarray:
+        """Moments (T, n, R) of sides that differ."""
+        total = np.zeros((self._time.size, self.system.inertia.shape[0], len(self._rows)))
+        for (kind, place, load_case, _), amount in self._sides.items():
+            if kind in (SPRING_SIDE, DAMPER_SIDE, TIRE_SIDE, CG_SIDE) and load_case in (None, self._case.name):
+                total += amount * self._by_side(kind, place)
+        return total
+
+    def roll(self, moments: np.ndarray) -> RollMotion:
+        """Changes of the roll by moments (T, n, R, Q), to first order."""
+        given = self._given + _SMALL * moments
+        moved = roll_motion(self.system, self._step, given, self._tires, self._friction)
+        pairs = (
+            (moved.angle, self.base.angle),
+            (moved.rate, self.base.rate),
+            (moved.acceleration, self.base.acceleration),
+        )
+        return RollMotion(*((there - here) / _SMALL for there, here in pairs))
+
+    def derivative(self, unknown: SideUnknown) -> np.ndarray:
+        """Moment (T, n, R) that has the effect of one unit of an unknown on the roll."""
+        system, place, kind = self.system, unknown.place, unknown.kind
+        none = np.zeros((self._time.size, system.inertia.shape[0], len(self._rows)))
+        if unknown.load_case not in (None, self._case.name):
+            return none
+        angle, rate, acceleration = (x[..., 0] for x in (self.base.angle, self.base.rate, self.base.acceleration))
+        if kind == SKEW:
+            met = np.array([p.bump == unknown.of for p in self._passes])
+            return self._all(of_axles=self._of_tires(self._road(by_skew=True)) * met)
+        if kind in (SPRING_SIDE, DAMPER_SIDE, TIRE_SIDE, CG_SIDE):
+            return self._by_side(kind, place)
+        if kind in (BODY_INERTIA, AXLE_INERTIA):
+            at = place if kind == BODY_INERTIA else system.bodies + place
+            of_kind = system.body_inertia if kind == BODY_INERTIA else system.axle_inertia
+            none[:, at] = -of_kind[place] * acceleration[:, at]
+            return none
+        if kind == CORNERING:
+            assert system.sideways is not None
+            return np.asarray(-system.sideways.slower * np.einsum("mn,tnr->tmr", system.slipping, rate))
+        if kind in (ROLL_STIFFNESS, ROLL_DAMPING):
+            turned = np.einsum("n,tnr->tr", system.turns[place], angle if kind == ROLL_STIFFNESS else rate)
+            size = (system.stiffness if kind == ROLL_STIFFNESS else system.damping)[place]
+            return np.asarray(-size * turned[:, None] * system.turns[place][:, None])
+        if kind == TIRE_ROLL:
+            at = system.bodies + place
+            square = system.square_track_m2[place]
+            stiffness, damping = (of_all[:, place] for of_all in self._slopes)
+            none[:, at] = self._of_tires(self._tires.difference)[:, place] - square * (
+                stiffness * angle[:, at] + damping * rate[:, at]
+            )
+        return none
