@@ -13,6 +13,7 @@ from sysid.export.identity import Identity, identity_of
 from sysid.export.load_effects import load_effect_documents
 from sysid.export.naming import prediction_files, speed_km_h
 from sysid.files import write_text
+from sysid.prediction.predicted_passes import SIDES
 from sysid.results.contents import Results
 from sysid.sdof.drop_results import DropEstimate
 
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
     from sysid.estimation.uncertainty.identifiability import Identifiability
     from sysid.planning.advice_records import Prospect
     from sysid.posterior.sampled_posterior import PosteriorSummary
-    from sysid.prediction.predicted_passes import PassPrediction
+    from sysid.prediction.predicted_passes import PassPrediction, WheelLoads
+    from sysid.prediction.quantiles import Quantiles
     from sysid.validation.channel_agreement import ChannelAgreement, LeftOutRun
 
 #: A number up whenever a key changes its meaning or goes; new keys leave it.
@@ -342,6 +344,16 @@ def _predictions(results: Results) -> list[dict[str, Any]]:
     ]
 
 
+def _wheels(wheels: WheelLoads, axle: int) -> dict[str, Any]:
+    """Loads of the wheels of either side of an axle [N]."""
+
+    def bands(values: Quantiles) -> dict[str, float | None]:
+        return {key: None if q is None else _number(q[axle]) for key, q in vars(values).items()}
+
+    sides = ((name, wheels.of_side(side)) for side, name in enumerate(SIDES))
+    return {name: {"static_N": bands(s.static_N), "peak_N": bands(s.peak_N)} for name, s in sides}
+
+
 def _prediction(prediction: PassPrediction, axle: int, file: str) -> dict[str, Any]:
     def quantile(values: Any) -> float | None:
         return None if values is None else _number(values[axle])
@@ -356,6 +368,7 @@ def _prediction(prediction: PassPrediction, axle: int, file: str) -> dict[str, A
             "q95": quantile(prediction.peak_ratio_q95),
         },
         "lift_off": bool(prediction.lift_off[axle]),
+        **({} if prediction.wheels is None else {"wheels": _wheels(prediction.wheels, axle)}),
         "file": file,
         "trust": [
             {

@@ -14,6 +14,7 @@ from sysid.csv_cells import csv_text, escape_cell, number_cell
 from sysid.export.load_effects import load_effect_texts
 from sysid.export.naming import file_stem, prediction_files, speed_km_h
 from sysid.files import write_text
+from sysid.prediction.predicted_passes import SIDES
 from sysid.prediction.quantiles import Quantiles
 from sysid.results.contents import Judgement, Results
 from sysid.results.parameter_table import parameter_table
@@ -82,6 +83,7 @@ def write_validation(results: Results, path: Path) -> None:
 def prediction_csv(prediction: PassPrediction, judgement: Judgement | None = None) -> str:
     """The text of one `predictions/*.csv`: time [s], quantiles of each axle's vertical tire and suspension force [N].
 
+    Where the fit knows of roll, there are those of left and right wheels too (``left_tire_force1_N_q50`` ...).
     Before sampling the columns of the 5 % and 95 % quantiles are empty. ``beyond_driven1`` ... are 1 at instants at
     which the axle is beyond what the driven runs reached, and 0 at others. ``do_not_bet`` is 1 if the forces and their
     intervals should not be used (`verdict` of `result.json`), else 0; the column is absent without a judgement.
@@ -92,6 +94,10 @@ def prediction_csv(prediction: PassPrediction, judgement: Judgement | None = Non
     forces = {"tire_force": (p.tire_force_q05_N, p.tire_force_q50_N, p.tire_force_q95_N)}
     if s is not None:
         forces["suspension_force"] = (s.q05, s.q50, s.q95)
+    if p.wheels is not None:
+        for side, name in enumerate(SIDES):
+            of_side = p.wheels.of_side(side).force_N
+            forces[f"{name}_tire_force"] = (of_side.q05, of_side.q50, of_side.q95)
     for name, bands in forces.items():
         for axle in range(len(p.static_load_N)):
             for key, force in zip(("q05", "q50", "q95"), bands, strict=True):
@@ -160,6 +166,11 @@ def _measures(p: PassPrediction) -> tuple[tuple[str, Quantiles | None], ...]:
     static = Quantiles(None, 1e-3 * p.static_load_N, None)
     found: list[tuple[str, Quantiles | None]] = [("peak_dynamic_load_ratio", p.peak_ratio)]
     found += [("static_axle_load_kN", static), ("peak_axle_load_kN", p.axle_load_kN)]
+    if p.wheels is not None:
+        for side, name in enumerate(SIDES):
+            of_side = p.wheels.of_side(side)
+            found.append((f"static_{name}_wheel_load_kN", of_side.static_N.times(1e-3)))
+            found.append((f"peak_{name}_wheel_load_kN", of_side.peak_N.times(1e-3)))
     found += [(name, getattr(p, name)) for name in names]
     if p.road is not None:
         found += [("axle_load_95_kN", p.road.load_95_N.times(1e-3)), ("axle_load_99_kN", p.road.load_99_N.times(1e-3))]

@@ -8,4 +8,5 @@ from .predicted_passes import PassPrediction as PassPrediction
 from .predicted_passes import Predictions as Predictions
 from .predicted_passes import RoadLoads as RoadLoads
 from .predicted_passes import SpeedSweep as SpeedSweep
+from .predicted_passes import WheelLoads as WheelLoads
 from .quantiles import Quantiles as Quantiles

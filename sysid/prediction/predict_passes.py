@@ -32,6 +32,7 @@ from sysid.prediction.vehicle_draws import (
     histories_of_draws,
     vehicles_of,
 )
+from sysid.prediction.wheel_loads import wheel_loads
 from sysid.progress import Progress, unwatched
 from sysid.road.named_shapes import named_shape
 from sysid.threads import side_by_side
@@ -76,7 +77,7 @@ class _Pass:
     """Histories (T, axles, S) of one pass, its static loads (axles,), and when each axle rings, (T, axles).
 
     `drawn_static_N` (axles, S) those of every draw, as the scale may have been wrong; `deflection_m` of the
-    suspensions, positive in extension; `sunk_m` of the tires as far as their springs carry.
+    suspensions, positive in extension; `sunk_m` of the tires as far as their springs carry; `motion` as of `wanted`.
     """
 
     time_s: Samples
@@ -88,6 +89,8 @@ class _Pass:
     drawn_static_N: np.ndarray
     passing: np.ndarray
     interval_s: float
+    wanted: Pass
+    motion: Motion
 
     @property
     def rate_m_s(self) -> np.ndarray:
@@ -164,6 +167,8 @@ def _simulate(
         np.asarray(drawn_static),
         (time[:, None] >= (road.first_station_m + x) / speed) & (time[:, None] <= (last + x) / speed + AFTER_S),
         interval_s,
+        wanted,
+        motion,
     )
 
 
@@ -211,6 +216,11 @@ def predict_pass(
     trust = () if driven is None else extrapolations(p.reached(request.speed_m_s), driven, request.load_case, acting)
     # Over the loads of each draw: where the scale was wrong, the truck at rest does not weigh what was read.
     together = float(np.median(p.tire_N.sum(axis=1).mean(axis=0) / p.drawn_static_N.sum(axis=0)))
+    wheels = None
+    if vehicles is not None:
+        wheels = wheel_loads(
+            parameters, roads, p.wanted, p.motion, p.interval_s, sets, vehicles, p.tire_N, p.drawn_static_N
+        )
     return PassPrediction(
         load_case=request.load_case,
         speed_m_s=request.speed_m_s,
@@ -234,6 +244,7 @@ def predict_pass(
         trust=trust,
         beyond=None if driven is None else beyond_driven(driven, p.sunk_m, p.deflection_m, p.rate_m_s, p.tire_N),
         profile=roads.profiles[request.bump].identity,
+        wheels=wheels,
     )
 
 

@@ -45,6 +45,36 @@ class RoadLoads:
     road_class: str | None
 
 
+#: Sides of the truck, in the order of :class:`WheelLoads`.
+SIDES = ("left", "right")
+
+
+@dataclass(frozen=True)
+class WheelLoads:
+    """Loads of the wheels of either side, left first, twin tires together.
+
+    `static_N`, `peak_N` (2, axles) at rest and largest of the pass; `force_N` (2, axles, n) their course, all [N].
+    """
+
+    static_N: Quantiles
+    peak_N: Quantiles
+    force_N: Quantiles
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Names of the sides, in the order of the loads."""
+        return SIDES
+
+    def heaviest(self, axle_load_N: Axles) -> tuple[int, int]:
+        """Side and axle of the wheel whose peak is largest over half the static load of its axle (axles,) [N]."""
+        side, axle = np.unravel_index(int(np.argmax(self.peak_N.q50 / axle_load_N)), self.peak_N.q50.shape)
+        return int(side), int(axle)
+
+    def of_side(self, side: int) -> WheelLoads:
+        """The loads of one side, (axles,) and (axles, n), by its place in :data:`SIDES`."""
+        return WheelLoads(*(q.at(side) for q in (self.static_N, self.peak_N, self.force_N)))
+
+
 @dataclass(frozen=True)
 class PassPrediction(Tabular):
     """Axle loads of one pass with posterior bands.
@@ -70,6 +100,7 @@ class PassPrediction(Tabular):
       support; axle loads are those of the first vehicle;
     - `road`: measures of a pass over a rough road, None for others.  `time_s` counts from where axle 1 meets the road.
       With several realisations forces are those of the first, and peaks the largest of all;
+    - `wheels`: loads of left and right wheels, None where the fit knows nothing of roll;
     - `trust` lists what goes beyond the driven runs, empty if nothing does;
     - `beyond` (axles, n) bool: instants at which tire deflection, travel or damper speed go beyond them in at least
       half of the draws, or at which a wheel is off the ground that never was in the runs. None if the driven runs are
@@ -100,6 +131,7 @@ class PassPrediction(Tabular):
     profile: ProfileIdentity | None = None
     road: RoadLoads | None = None
     bridge: BridgeLoads | None = None
+    wheels: WheelLoads | None = None
 
     @property
     def axle_load_kN(self) -> Quantiles:

@@ -15,6 +15,11 @@ class Quantiles:
     q50: np.ndarray
     q95: np.ndarray | None
 
+    def at(self, index: int) -> Quantiles:
+        """All quantiles of one entry of the first axis."""
+        low, high = (None if q is None else q[index] for q in (self.q05, self.q95))
+        return Quantiles(low, self.q50[index], high)
+
     def times(self, factor: np.ndarray | float) -> Quantiles:
         """All quantiles times a positive factor, one number or one per axle."""
         low, high = (None if q is None else q * factor for q in (self.q05, self.q95))

@@ -99,6 +99,20 @@ class DrawnVehicles(NamedTuple):
 MakesVehicles = Callable[[], DrawnVehicles]
 
 
+def vehicle_of(
+    batch: PassBatch, parameters: ParameterSet, allowances: Allowances, driven: Pass, amounts: np.ndarray
+) -> tuple[StackedMatrices, LawInputs]:
+    """Matrices and laws of the vehicle with the masses and departures of `amounts` (m + d,) in one pass.
+
+    `batch` is that of the pass with declared masses.
+    """
+    log_factors, amplitudes = allowances.split(amounts)
+    vehicle, cases = allowances.masses.applied(log_factors)
+    matrices = pass_matrices(load_case_matrices(vehicle, cases, [driven]), [driven], [])
+    inputs = law_inputs(vehicle, parameters, replace(batch, matrices=matrices), [driven.load_case])
+    return matrices, allowances.departures.laws(inputs, amplitudes, [driven.load_case], all_elements=True)
+
+
 def drawn_vehicles(
     batch: PassBatch,
     parameters: ParameterSet,
@@ -110,21 +124,17 @@ def drawn_vehicles(
 
     `road` is the same for all of them; None for that of the bump, with the departures of every draw.
     """
-    masses, departures = vehicles.allowances.masses, vehicles.allowances.departures
     count = len(vehicles.amounts)
 
     def some(first: int) -> DrawnVehicles:
         chosen = np.arange(first, min(first + TOGETHER, count))
         matrices, laws, roads = [], [], []
         for draw in chosen:
-            log_factors, amplitudes = vehicles.allowances.split(vehicles.amounts[draw])
-            vehicle, cases = masses.applied(log_factors)
-            of_draw = replace(batch, matrices=pass_matrices(load_case_matrices(vehicle, cases, [driven]), [driven], []))
-            matrices.append(of_draw.matrices)
-            inputs = law_inputs(vehicle, parameters, of_draw, [driven.load_case])
-            inputs = departures.laws(inputs, amplitudes, [driven.load_case], all_elements=True)
+            amounts = vehicles.amounts[draw]
+            of_draw, inputs = vehicle_of(batch, parameters, vehicles.allowances, driven, amounts)
+            matrices.append(of_draw)
             laws.append(inputs if vehicles.stops is None else vehicles.stops.on(inputs, int(draw)))
-            roads.append(road or vehicles.allowances.road([driven], vehicles.amounts[draw]))
+            roads.append(road or vehicles.allowances.road([driven], amounts))
         stacked = jax.tree.map(lambda *parts: runs_side_by_side(parts), *matrices)
         return DrawnVehicles(chosen, stacked, laws, roads_side_by_side(roads))
 

@@ -11,7 +11,7 @@ from sysid.results.contents import Results
 from sysid.results.pass_limits import TRUST_WORDS, pass_name
 
 if TYPE_CHECKING:
-    from sysid.prediction.predicted_passes import SpeedSweep
+    from sysid.prediction.predicted_passes import PassPrediction, SpeedSweep
     from sysid.prediction.quantiles import Quantiles
     from sysid.prediction.trust import Extrapolation
 
@@ -43,6 +43,7 @@ def prediction_tables(results: Results) -> list[Table]:
                     _travel(p.jounce_m, i, results.campaign.vehicle.axles[i].jounce_travel_m),
                     _travel(p.rebound_m, i, results.campaign.vehicle.axles[i].rebound_travel_m),
                     _band(p.impulse_ratio, i, 3),
+                    *_wheel_bands(p, i),
                 ]
             )
         head = (
@@ -56,6 +57,7 @@ def prediction_tables(results: Results) -> list[Table]:
             "compression [mm]",
             "extension [mm]",
             "mean / static load [-]",
+            *(() if p.wheels is None else (f"peak {side} wheel load [kN]" for side in p.wheels.sides)),
         )
         caption = f"{pass_name(p)}: peak axle loads, both sides together ({kind}); histories in {file}"
         tables.append(table(caption, head, rows))
@@ -118,6 +120,13 @@ def _band(values: Quantiles | None, axle: int | tuple[int, int], places: int, fa
         return Cell(MISSING)
     low, high = (None if q is None else factor * float(q[axle]) for q in (values.q05, values.q95))
     return Cell(fixed(factor * float(values.q50[axle]), places), interval(low, high, places))
+
+
+def _wheel_bands(p: PassPrediction, axle: int) -> list[Cell]:
+    """Peak load of left and right wheels, where the fit knows of roll."""
+    if p.wheels is None:
+        return []
+    return [_band(p.wheels.of_side(side).peak_N, axle, 1, 1e-3) for side in range(len(p.wheels.sides))]
 
 
 def _travel(values: Quantiles | None, axle: int, declared_m: float | None) -> Cell:

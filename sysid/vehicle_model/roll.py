@@ -168,8 +168,8 @@ class TiresBySide:
     reference_deflection: np.ndarray
     damping: np.ndarray
 
-    def forces(self, at: int, angle: np.ndarray, turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Forces (na, R, Q) [N] of left and right tires at a sample, for roll of the axles (na, R, Q) and its rate."""
+    def forces(self, at: int | slice, angle: np.ndarray, turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Forces [N] of left and right tires at one sample or several, for roll of the axles (..., na, R, Q)."""
         half = self.half_track_m[:, None, None]
         apart = 0.5 * self.difference[at][..., None] - half * angle
         moving = 0.5 * self.difference_rate[at][..., None] - half * turning

@@ -61,6 +61,40 @@ def test_a_symmetric_truck_over_a_skew_bump_rolls_as_in_three_dimensions() -> No
     assert error(roll_motion(softer, STEP_S, moments(truck, road)).angle[:, 0, 0, 0], place[:, 2]) > 1e-3
 
 
+def test_wheels_of_either_side_push_as_in_three_dimensions() -> None:
+    """Left and right tires about the mean motion, as the truck rolls, against every tire of the truck on its own."""
+    truck = RollingTruck(ct=(0.0, 0.0))
+    road = skew_bump(SPEED_M_S, SKEW_RAD, truck.tire_y, truck.axle_x)
+    place, _ = truck.drive(road, TIME_S)
+    made = roll_motion(system_of(truck), STEP_S, moments(truck, road))
+    heights = np.array([[[road(i, s, t)[0] for s in (1.0, -1.0)] for i in range(2)] for t in TIME_S])
+    # Pressed in so far that no wheel leaves the road: the truck that SciPy integrates holds on to it.
+    preload, kt, half = 0.3, np.array(truck.kt), np.array(truck.tire_y)
+    deflection = (preload + heights.mean(axis=2) - place[:, [3, 5]])[..., None]
+    tires = TiresBySide(
+        half_track_m=half,
+        exponent=1.0,
+        deflection=deflection,
+        rate=np.zeros_like(deflection),
+        difference=(heights[..., 0] - heights[..., 1])[..., None],
+        difference_rate=np.zeros_like(deflection),
+        reference_load=preload * kt,
+        reference_deflection=np.full(2, preload),
+        damping=np.zeros(2),
+    )
+    found = tires.forces(slice(None), made.angle[:, 1:], made.rate[:, 1:])
+    for side, sign in enumerate((1.0, -1.0)):
+        true = 0.5 * kt * (preload + heights[..., side] - place[:, [3, 5]] - sign * half * place[:, [4, 6]])
+        for axle in range(2):
+            assert (
+                error(found[side][:, axle, 0, 0] - preload * kt[axle] / 2, true[:, axle] - preload * kt[axle] / 2)
+                < 2e-4
+            )
+    # Half of the axle's load is another one.
+    mean = 0.5 * (found[0] + found[1])[:, 0, 0, 0] - 0.5 * preload * kt[0]
+    assert error(mean, true[:, 0] - 0.5 * preload * kt[0]) > 0.05
+
+
 def test_the_difference_of_the_sides_is_twice_the_lever_times_the_roll() -> None:
     truck = RollingTruck()
     road = skew_bump(SPEED_M_S, SKEW_RAD, truck.tire_y, truck.axle_x)

@@ -345,3 +345,65 @@ class RollingRuns:
                 stiffness * angle[:, at] + damping * rate[:, at]
             )
         return none
+
+    def load_difference(self) -> np.ndarray:
+        """Dynamic load of left wheels beyond that of right ones (T, na, R) [N]."""
+        total = self._of_rolling(self.base)[..., 0]
+        for i in range(total.shape[1]):
+            # Tires of which one side carries more do so in the mean motion, too.
+            total[:, i] += self._amount(TIRE_SIDE, i) * self._load[:, i]
+        return total
+
+    def load_difference_columns(self, unknowns: Sequence[SideUnknown]) -> np.ndarray:
+        """Derivatives (T, na, R, q) of :meth:`load_difference` by unknowns."""
+        moved = self.roll(np.stack([self.derivative(u) for u in unknowns], axis=-1))
+        base, axles = self.base, self.system.axles
+        rolled = RollMotion(
+            base.angle + _SMALL * moved.angle,
+            base.rate + _SMALL * moved.rate,
+            base.acceleration + _SMALL * moved.acceleration,
+        )
+        columns = (self._of_rolling(rolled) - self._of_rolling(base)) / _SMALL
+        stiffness, damping = self._slopes
+        for j, u in enumerate(unknowns):
+            if u.kind == TIRE_SIDE:
+                columns[:, u.place, :, j] += self._load[:, u.place]
+            elif u.kind == TIRE_ROLL:
+                i = u.place
+                apart = 0.5 * self._tires.difference - self._half[:, None] * base.angle[:, axles, :, 0]
+                moving = 0.5 * self._tires.difference_rate - self._half[:, None] * base.rate[:, axles, :, 0]
+                columns[:, i, :, j] += stiffness[:, i] * apart[:, i] + damping[:, i] * moving[:, i]
+            elif u.kind == SKEW:
+                met = np.array([p.bump == u.of for p in self._passes])
+                columns[..., j] += met * self._of_tires(self._road(by_skew=True)) / self._half[:, None]
+        return np.asarray(columns)
+
+    def _of_rolling(self, motion: RollMotion) -> np.ndarray:
+        """Load of left wheels beyond that of right ones (T, na, R, Q) that a roll makes [N]."""
+        axles = self.system.axles
+        left, right = self._tires.forces(slice(None), motion.angle[:, axles], motion.rate[:, axles])
+        return np.asarray(left - right)
+
+    def rest_difference(self) -> np.ndarray:
+        """Load of left wheels beyond that of right ones at rest (na,) [N]."""
+        case = self._case.name
+        amounts = [self._amount(CG_SIDE, b, case) for b in range(self.system.bodies)]
+        return np.asarray(self._rest_by_place @ np.array(amounts))
+
+    def rest_difference_columns(self, unknowns: Sequence[SideUnknown]) -> np.ndarray:
+        """Derivatives (na, q) of :meth:`rest_difference` by unknowns."""
+        columns = np.zeros((self._half.size, len(unknowns)))
+        for j, u in enumerate(unknowns):
+            if u.kind == CG_SIDE and u.load_case == self._case.name:
+                columns[:, j] = self._rest_by_place[:, u.place]
+        return columns
+
+    @property
+    def _rest_by_place(self) -> np.ndarray:
+        """Load of left wheels beyond right ones (na, nb) per metre of a body's centre of gravity to the left [N/m]."""
+        turning = slice(0, self.system.axles.stop)
+        stiffness = self.system.stiffness_matrix[turning, turning]
+        weight = np.zeros((stiffness.shape[0], self.system.bodies))
+        weight[: self.system.bodies] = -np.diag(self._case.sprung_mass_kg) * self._vehicle.gravity_m_s2
+        angle = np.linalg.solve(stiffness, weight)[self.system.axles]
+        return np.asarray(-(self._half * self.system.tire_stiffness)[:, None] * angle)

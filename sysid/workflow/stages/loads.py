@@ -20,7 +20,7 @@ from sysid.workflow.stages.posterior import SAMPLE, log_draws
 if TYPE_CHECKING:
     from sysid.campaign.records import PredictionRequest
     from sysid.planning.advice_records import Advice
-    from sysid.prediction.predicted_passes import Predictions, RoadLoads
+    from sysid.prediction.predicted_passes import PassPrediction, Predictions, RoadLoads, WheelLoads
     from sysid.prediction.quantiles import Quantiles
     from sysid.prediction.trust import DrivenRange
     from sysid.results.contents import Results
@@ -128,6 +128,8 @@ def show_predict(predictions: Predictions, results: Results) -> Blocks:
         yield table
         if p.road is not None:
             yield _road_words(p.road)
+        if p.wheels is not None:
+            yield _heaviest_wheel(p, p.wheels)
         yield from p.warnings
     if predictions.source != "posterior":
         yield "There are no intervals: no posterior has been sampled yet (run, or sample)."
@@ -136,6 +138,19 @@ def show_predict(predictions: Predictions, results: Results) -> Blocks:
 def _interval(values: Quantiles, axle: int, places: int) -> str:
     low, high = values.q05, values.q95
     return "-" if low is None or high is None else f"{low[axle]:.{places}f} to {high[axle]:.{places}f}"
+
+
+def _heaviest_wheel(p: PassPrediction, wheels: WheelLoads) -> str:
+    """The wheel with the largest load over half the static load of its axle."""
+    from sysid.prediction.predicted_passes import SIDES
+
+    side, axle = wheels.heaviest(p.static_load_N)
+    load = wheels.peak_N.at(side).times(1e-3)
+    share = 2e3 * load.q50[axle] / p.static_load_N[axle]
+    return (
+        f"Heaviest wheel: axle {axle + 1} {SIDES[side]}, {load.q50[axle]:.1f} kN ({_interval(load, axle, 1)}), "
+        f"{share:.2f} times half the static load of its axle."
+    )
 
 
 def _road_words(road: RoadLoads) -> str:

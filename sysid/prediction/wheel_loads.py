@@ -1,0 +1,105 @@
+"""Loads of the wheels of either side in a predicted pass: half of the axle's load, and half of their difference."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid.arrays import DrawsByParameters, SamplesByAxlesBySets
+from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.residuals.rolling_runs import PlanarRuns, RollingRuns
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.side_signals import STEP_S
+from sysid.estimation.residuals.side_unknowns import KINDS, SideUnknown
+from sysid.prediction.measures import quantiles
+from sysid.prediction.predicted_passes import WheelLoads
+from sysid.prediction.quantiles import Quantiles
+from sysid.prediction.vehicle_draws import VehicleDraws, vehicle_of
+from sysid.vehicle_model.engine import Timing
+from sysid.vehicle_model.motion import Motion
+from sysid.vehicle_model.passes import EffectiveRoads, Pass, make_pass_batch
+
+
+def wheel_loads(
+    parameters: ParameterSet,
+    roads: EffectiveRoads,
+    driven: Pass,
+    motion: Motion,
+    interval_s: float,
+    sets: DrawsByParameters,
+    vehicles: VehicleDraws,
+    tire_N: SamplesByAxlesBySets,
+    static_N: np.ndarray,
+) -> WheelLoads | None:
+    """Loads of left and right wheels; None where the fit knows nothing of roll, or the bump has no sides.
+
+        F_left,right = (F +- D) / 2,    D = D_0 + sum_j dD/du_j (u_j - u_0j),    0 <= F_left,right <= F
+
+    with the axle's load F of a draw, the difference D_0 of the mean truck of all draws as it rolls, and the unknowns u
+    of left and right of the draw. How D changes with the other parameters is left out.
+
+    Parameters
+    ----------
+    driven, motion : the pass, with speed [m/s] and start [s] (1, 1), and `interval_s` the interval of its samples [s].
+    sets : (n, p) log parameters; vehicles : of the n draws.
+    tire_N : (T, na, n) F [N]; static_N : (na, n) at rest [N].
+    """
+    masses = vehicles.allowances.masses
+    if not masses.sides.any() or roads.profiles[driven.bump].sides is None:
+        return None
+    middle = vehicles.amounts.mean(axis=0)
+    typical, cases = masses.applied(vehicles.allowances.split(middle)[0])
+    batch = make_pass_batch(roads.vehicle, roads.load_cases, roads, [driven], [])
+    matrices, laws = vehicle_of(batch, parameters, vehicles.allowances, driven, middle)
+    stride = max(1, int(STEP_S / interval_s))
+    samples = len(tire_N)
+    start = RunMotion.steady(np.asarray(motion.speed)[:, 0], np.asarray(motion.start_s)[:, 0])
+    runs = RollingRuns(
+        PlanarRuns(
+            passes=[driven],
+            rows=np.array([0]),
+            felt=EffectiveRoads(typical, cases, roads.profiles, roads.contact, roads.tires),
+            matrices=matrices,
+            road=vehicles.allowances.road([driven], middle),
+            laws=laws,
+            axle_x=batch.axle_x,
+            motion=start,
+            timing=Timing(-(-samples // stride) + 1, stride * interval_s, stride),
+            sides=masses.side_amounts(vehicles.allowances.split(middle)[0]),
+        ),
+        np.median(sets, axis=0),
+    )
+    unknowns = [
+        SideUnknown(f.quantity, f.place, f.sd, f.name, f.words, f.of, f.load_case, f.axle)
+        for f in masses.factors
+        if f.quantity in KINDS
+    ]
+    off = vehicles.allowances.split((vehicles.amounts - middle).T)[0][masses.sides]
+    at_rest = runs.rest_difference()[:, None] + runs.rest_difference_columns(unknowns) @ off
+    moving = runs.load_difference()[:, :, 0, None] + runs.load_difference_columns(unknowns)[:, :, 0] @ off
+    time = interval_s * np.arange(samples)
+    grid = stride * interval_s * np.arange(len(moving))
+    left = np.empty_like(tire_N)
+    for i in range(tire_N.shape[1]):
+        for draw in range(tire_N.shape[2]):
+            apart = at_rest[i, draw] + np.interp(time, grid, moving[:, i, draw])
+            left[:, i, draw] = np.clip(0.5 * (tire_N[:, i, draw] + apart), 0.0, tire_N[:, i, draw])
+    sides = (left, tire_N - left)
+    rest = [0.5 * (static_N + sign * at_rest) for sign in (1.0, -1.0)]
+    return WheelLoads(
+        _of_sides([quantiles(values) for values in rest]),
+        _of_sides([quantiles(values.max(axis=0)) for values in sides]),
+        _of_sides([_turned(quantiles(values)) for values in sides]),
+    )
+
+
+def _turned(found: Quantiles) -> Quantiles:
+    low, high = (None if q is None else q.T for q in (found.q05, found.q95))
+    return Quantiles(low, found.q50.T, high)
+
+
+def _of_sides(found: list[Quantiles]) -> Quantiles:
+    """Quantiles of left and right in one."""
+    left, right = found
+    low = None if left.q05 is None or right.q05 is None else np.stack([left.q05, right.q05])
+    high = None if left.q95 is None or right.q95 is None else np.stack([left.q95, right.q95])
+    return Quantiles(low, np.stack([left.q50, right.q50]), high)
