@@ -9,7 +9,6 @@ from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.rolling_runs import PlanarRuns, RollingRuns
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.side_signals import STEP_S
-from sysid.estimation.residuals.side_unknowns import KINDS, SideUnknown
 from sysid.prediction.measures import quantiles
 from sysid.prediction.predicted_passes import WheelLoads
 from sysid.prediction.quantiles import Quantiles
@@ -68,11 +67,7 @@ def wheel_loads(
         ),
         np.median(sets, axis=0),
     )
-    unknowns = [
-        SideUnknown(f.quantity, f.place, f.sd, f.name, f.words, f.of, f.load_case, f.axle)
-        for f in masses.factors
-        if f.quantity in KINDS
-    ]
+    unknowns = masses.side_unknowns
     off = vehicles.allowances.split((vehicles.amounts - middle).T)[0][masses.sides]
     at_rest = runs.rest_difference()[:, None] + runs.rest_difference_columns(unknowns) @ off
     moving = runs.load_difference()[:, :, 0, None] + runs.load_difference_columns(unknowns)[:, :, 0] @ off

@@ -16,7 +16,6 @@ from sysid.estimation.residuals.by_group import ByGroup
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.side_signals import side_signals
-from sysid.estimation.residuals.side_unknowns import KINDS, SideUnknown
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import departure_columns
@@ -72,11 +71,7 @@ def _with_sides(
     motion: RunMotion,
 ) -> Sequence[ResidualColumns]:
     """Columns by masses, and after them those by the unknowns of left and right, which are last among the masses."""
-    unknowns = [
-        SideUnknown(f.quantity, f.place, f.sd, f.name, f.words, f.of, f.load_case, f.axle)
-        for f in allowances.masses.factors
-        if f.quantity in KINDS
-    ]
+    unknowns = allowances.masses.side_unknowns
     signals = None if isinstance(by_masses, ByGroup) else simulate_runs(model, log_parameters, motion)
 
     def of(position: int) -> ResidualColumns:

@@ -22,7 +22,7 @@ import numpy as np
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.estimation.residuals.bump_model import SideKey
-from sysid.estimation.residuals.side_unknowns import KINDS, side_unknowns
+from sysid.estimation.residuals.side_unknowns import KINDS, SideUnknown, side_unknowns
 from sysid.estimation.uncertainty.frame_shapes import FRAME_SD, frame_factors, with_frame_mass, with_known_ends
 from sysid.estimation.uncertainty.mass_factor import MassFactor
 from sysid.vehicle_model.passes import EffectiveRoads
@@ -69,6 +69,15 @@ class UncertainMasses:
     def sides(self) -> np.ndarray:
         """Which of them (m,) are unknowns of left and right, which no planar motion shows."""
         return np.array([f.quantity in KINDS for f in self.factors], bool)
+
+    @property
+    def side_unknowns(self) -> tuple[SideUnknown, ...]:
+        """The unknowns of left and right, in their order among the factors."""
+        return tuple(
+            SideUnknown(f.quantity, f.place, f.sd, f.name, f.words, f.of, f.load_case, f.axle)
+            for f in self.factors
+            if f.quantity in KINDS
+        )
 
     def side_amounts(self, amounts: np.ndarray) -> tuple[tuple[SideKey, float], ...]:
         """What the unknowns of left and right among the amounts (m,) are, for the model."""
