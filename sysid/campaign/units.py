@@ -139,6 +139,7 @@ _WORDS = {
     "degrees/s": "deg/s",
     "rad/sec": "rad/s",
 }
+_AT_THE_END = re.compile(r"[\[(]\s*([^\[\]()]{2,20}?|[mg])\s*[\])]\s*$")
 _DECORATION = {"²": "^2", "**": "^", "·": "", " ": "", "µ": "u", "μ": "u", "sec": "s"}
 
 
@@ -155,6 +156,15 @@ def contradiction(written: str | None, declared: str) -> str | None:
         same = _size_of(*known[plain]) == _size_of(*known[_plain(declared)])
         return None if same else written
     return written if plain in _OTHER else None
+
+
+def unit_in_brackets(name: str) -> str | None:
+    """What stands in brackets at the end of the name of a column: its unit, if it is one.
+
+    One letter may be a place, such as [V] for ``vorn``, unless it is m or g.
+    """
+    match = _AT_THE_END.search(name)
+    return None if match is None else match[1]
 
 
 def recognised_unit(

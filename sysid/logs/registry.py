@@ -7,6 +7,7 @@ from dataclasses import replace
 from sysid.errors import CampaignError
 from sysid.logs import text
 from sysid.logs.channels import LogContent, LogFormat, LogRequest
+from sysid.logs.error_codes import without_codes
 from sysid.logs.formats import arrow, can_bus, excel, hdf5, lvm, mat, mdf, tdms, uff
 from sysid.logs.input_file import InputFile
 from sysid.logs.sparse_channels import with_own_rows
@@ -74,9 +75,11 @@ def read_channels(file: InputFile, label: str, request: LogRequest) -> LogConten
         If the file cannot be read.
     """
     content = format_of(file, request.format).read(file, label, request)
-    read, sparse = with_own_rows(content.channels, label)
+    coded = [without_codes(channel, label) for channel in content.channels]
+    codes = [sentence for _, sentence in coded if sentence is not None]
+    read, sparse = with_own_rows([channel for channel, _ in coded], label)
     clocks = {id(c.clock): c.clock for c in read}
     found = {key: settled(clock, label) for key, clock in clocks.items()}
     channels = tuple(replace(c, clock=found[id(c.clock)][0]) for c in read)
     said = dict.fromkeys(sentence for _, sentences in found.values() for sentence in sentences)
-    return replace(content, channels=channels, messages=(*content.messages, *sparse, *said))
+    return replace(content, channels=channels, messages=(*content.messages, *codes, *sparse, *said))

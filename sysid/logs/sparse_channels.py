@@ -48,8 +48,8 @@ def _sentence(label: str, names: Sequence[str], readings: int, rows: int) -> str
     more = f" and {len(names) - _LISTED} more columns" if len(names) > _LISTED else ""
     have, taken = ("have", "they are") if len(names) > 1 else ("has", "it is")
     return (
-        f"{label}: {shown}{more} {have} a reading in {readings} of {rows} rows, evenly spread; {taken} taken as "
-        "sampled in these rows only."
+        f"{label}: {shown}{more} {have} a reading in one of {rows / readings:.3g} rows, evenly spread; {taken} taken "
+        "as sampled in these rows only."
     )
 
 

@@ -64,8 +64,8 @@ def settled(clock: Clock, label: str) -> tuple[Clock, tuple[str, ...]]:
     shared = int(np.count_nonzero(np.diff(seen) == 0.0))
     if shared:
         said.append(
-            f"{label}: {column} has a resolution of {resolution:.3g} s, too few digits for its rate: {shared} rows "
-            f"share the stamp of the row before; by their count the rows are {step:.5g} s apart ({1.0 / step:.5g} Hz)."
+            f"{label}: {column} has a resolution of {resolution:.3g} s, too few digits for its rate: rows share the "
+            f"stamp of the row before; by their count they are {step:.4g} s apart ({1.0 / step:.4g} Hz)."
         )
     written = np.full(stamps.size, np.nan)
     written[known] = seen

@@ -171,7 +171,8 @@ def count_rows(table: NumberTable) -> tuple[int, int]:
     Raises
     ------
     DataRejectedError
-        If there are NUL bytes, lines without end, or more rows than are read.
+        If there are NUL bytes, lines without end, more rows than are read, or a row between white space with fewer
+        cells than there are names: an empty cell leaves no mark there, and those behind it would move up.
     LongRowError
         If a row has more cells than there are names: the parser would shift its numbers into other columns.
     UnicodeDecodeError
@@ -185,7 +186,8 @@ def count_rows(table: NumberTable) -> tuple[int, int]:
             f"{label} has {lines} lines, at most {table.most_rows} rows are read; cut or thin it, and remove blank "
             "lines."
         )
-    width = rows = 0
+    width = rows = short = cells = 0
+    spaced = table.delimiter == WHITE_SPACE
     for number, line in enumerate(table.lines(), start=1):
         if "\0" in line:
             raise DataRejectedError(
@@ -198,11 +200,20 @@ def count_rows(table: NumberTable) -> tuple[int, int]:
             )
         if number <= table.skip_lines:
             continue
-        count = len(line.split()) if table.delimiter == WHITE_SPACE else line.count(table.delimiter) + 1
-        if count > names:
+        count = len(line.split()) if spaced else line.count(table.delimiter) + 1
+        if count != names and (count > names or spaced):
             if line.lstrip().startswith(COMMENT):
                 continue
-            count = _exact_count(line, number, table)
+            if count > names:
+                count = _exact_count(line, number, table)
+            elif count and not short:
+                short, cells = number, count
+        # The last row may have been cut while it was written.
+        if short and count and number > short:
+            raise DataRejectedError(
+                f"{label}: row {short} has {cells} cells between white space under {names} names, and which of them "
+                "is empty cannot be told; export the file with commas, semicolons or tabs between its columns."
+            )
         if count > width:
             width = count
         rows += table.blank_rows or not line.isspace()

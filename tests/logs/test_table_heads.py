@@ -119,3 +119,56 @@ def test_thousands_may_be_set_apart_by_a_space_or_an_apostrophe(space: str) -> N
 def test_over_range_is_missing() -> None:
     log = read("time_s;q;a\n" + body(";").replace("-10.000", "-\u221e", 1).replace("-9.750", "\u221e", 1))
     assert np.isnan(log.channels[0].value).tolist() == [True, True] + [False] * 98
+
+
+# ---------------------------------------------------------------------- empty cells between white space
+
+COLUMNS = "    time_s           q           a\n"
+
+
+def fixed(without: dict[int, int], rows=ROWS) -> str:
+    """Columns of fixed width; `without`: place of the empty cell by row."""
+
+    def cells(row: int) -> str:
+        return "".join(" " * 12 if without.get(row) == at else f"{v:12.3f}" for at, v in enumerate(rows[row]))
+
+    return COLUMNS + "".join(cells(row) + "\n" for row in range(len(rows)))
+
+
+@pytest.mark.parametrize("place", [1, 2])
+def test_an_empty_cell_between_white_space_moves_no_reading(place: int) -> None:
+    """The cells behind it would be read under the names of those before them."""
+    check(read(fixed({})))
+    with pytest.raises(DataRejectedError, match="row 7 has 2 cells between white space under 3 names"):
+        read(fixed({5: place, 9: place}))
+
+
+def test_a_last_row_that_was_cut_is_none() -> None:
+    q, a = read(fixed({99: 2})).channels
+    assert np.isnan(a.value[-1])
+    assert q.value[-1] == pytest.approx(1e-3 * ROWS[99][1])
+    # Blank rows and comments are no rows with empty cells.
+    lines = fixed({}).splitlines(keepends=True)
+    check(read("".join([*lines[:50], "# trigger\n", *lines[50:], "\n\n"])))
+
+
+# ---------------------------------------------------------------------- units in the names of columns
+
+
+@pytest.mark.parametrize(("name", "unit", "clash"), [
+    ("q [m]", "mm", "m"), ("q (cm)", "mm", "cm"), ("q [mm]", "m", "mm"), ("q [mV]", "mm", "mV"),
+    ("q [mm]", "mm", None), ("q [V]", "mm", None), ("q (left)", "mm", None), ("q [m] raw", "mm", None),
+])  # fmt: skip
+def test_a_unit_in_the_name_of_a_column_is_what_the_file_says(name: str, unit: str, clash: str | None) -> None:
+    """One letter may be a place: V is ``vorn``, and a scale says what a bare signal means."""
+    text = f"time_s,{name},a\n" + body()
+    sensors = (Sensor(name, "suspension_deflection", unit, axle=0), SENSORS[1])
+    if clash is None:
+        assert read(text, sensors).channels[0].sensor.column == name
+        return
+    with pytest.raises(DataRejectedError, match=f"is in '{clash}', campaign.toml says '{unit}'"):
+        read(text, sensors)
+    scaled = Sensor(name, "suspension_deflection", unit, axle=0, scale=2.0)
+    assert read(text, (scaled, SENSORS[1])).channels[0].value[0] == pytest.approx(
+        ROWS[0][1] * 2.0 * {"m": 1.0, "mm": 1e-3}[unit]
+    )

@@ -216,7 +216,7 @@ def test_slow_channels_are_said_once_for_all() -> None:
     for file in (text, InputFile(Path("log.parquet"), stream.getvalue())):
         said = [m for m in read_log(file, "log", sensors, 0.005).messages if "different rates" not in m]
         assert said == [
-            "log: 'q', 'r' and 's' have a reading in 100 of 400 rows, evenly spread; they are taken as sampled in "
+            "log: 'q', 'r' and 's' have a reading in one of 4 rows, evenly spread; they are taken as sampled in "
             "these rows only."
         ]
 

@@ -12,7 +12,7 @@ import numpy as np
 from sysid.campaign.inputs.log_clocks import BAD_STAMP_SHARE, CleanClock, clean_clocks
 from sysid.campaign.inputs.log_sides import join_sides
 from sysid.campaign.records import AUXILIARY_KINDS, Channel, Log, Sensor
-from sysid.campaign.units import contradiction
+from sysid.campaign.units import contradiction, unit_in_brackets
 from sysid.errors import DataRejectedError
 from sysid.logs.channels import LogContent, LogRequest, RawChannel
 from sysid.logs.input_file import InputFile
@@ -162,7 +162,8 @@ def _refuse_unstamped(raw: RawChannel, clock: CleanClock, label: str) -> None:
 
 def _channel(sensor: Sensor, time: np.ndarray, raw: RawChannel, rows: np.ndarray, label: str) -> Channel:
     # With a scale the campaign says what the numbers mean: the file's unit may be that of the bare signal.
-    against = contradiction(raw.unit, sensor.unit) if sensor.scale == 1.0 else None
+    written = raw.unit or unit_in_brackets(sensor.source or sensor.column)
+    against = contradiction(written, sensor.unit) if sensor.scale == 1.0 else None
     if against is not None:
         raise DataRejectedError(
             f"{label}: the file says that '{shorten(sensor.source or sensor.column)}' is in "
