@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sysid.bookkeeping.drop_modes import poles, ringings, unexplained
+from sysid.bookkeeping.drop_modes import Ringing, poles, ringings, unexplained
 from sysid.bookkeeping.force_balance import Balance, RunSpectra
 from sysid.bookkeeping.masses import stiffness_of
 from sysid.campaign.gaps import readings_at
@@ -29,7 +29,8 @@ OFF, RIGHT = 4.0, 2.5
 #: Of the rms of all ringings modes leave 0.04 to 0.23 with the right masses and springs on the simulated trucks. Others
 #: are right that leave less than the first, and less than the listed ones by the second factor.
 EXPLAINED, BETTER = 0.2, 2.5
-#: A drop of which modes leave more than this is odd where they leave far less of its repeats.
+#: A drop of which modes leave more than this, of its motion or that of its repeats if they move more, is odd where they
+#: leave far less of its repeats.
 ODD_REPEAT = 0.5
 #: Factors on the springs of the runs that are tried: twice the k in a drop is none of the same axle.
 FACTORS = (0.25, 0.35, 0.5, 0.6, 1.7, 2.0, 2.8, 4.0)
@@ -47,24 +48,29 @@ def clear_balances(campaign: Campaign, spectra: Sequence[RunSpectra]) -> dict[st
 
 def odd_repeats(campaign: Campaign, told: Mapping[str, Balance]) -> list[str]:
     """Sentences about drops that ring in other modes than the repeats beside them."""
-    shares: dict[tuple[int, str], list[tuple[str, float]]] = {}
+    by_axle: dict[tuple[int, str], list[tuple[Ringing, float]]] = {}
     for ringing in ringings([d for d in campaign.plank_drops if d.release == "plank" and d.load_case in told]):
         case = ringing.drop.load_case
         modes = poles(campaign.vehicle, campaign.load_cases[case], told[case])
         # A suspension that friction holds after the fall shows noise, which is no mode.
         left = unexplained(ringing, modes) - ringing.deflection_m.size * ringing.noise_m**2
-        share = (max(left, 0.0) / max(ringing.power, 1e-30)) ** 0.5
-        shares.setdefault((ringing.drop.axle, case), []).append((ringing.drop.log.file, share))
+        by_axle.setdefault((ringing.drop.axle, case), []).append((ringing, max(left, 0.0)))
     said = []
-    for (axle, case), found in shares.items():
-        for file, share in found:
-            others = [s for f, s in found if f != file]
-            if others and share > max(ODD_REPEAT, BETTER * max(others)):
+    for (axle, case), found in by_axle.items():
+        for ringing, left in found:
+            others = [(r, rest) for r, rest in found if r is not ringing]
+            if not others:
+                continue
+            # What friction lets creep is little of what the others show, but much of its own motion.
+            usual = max(ringing.power, float(np.median([r.power for r, _ in others])), 1e-30)
+            share = (left / usual) ** 0.5
+            of_others = [(rest / max(r.power, 1e-30)) ** 0.5 for r, rest in others]
+            if share > max(ODD_REPEAT, BETTER * max(of_others)):
                 name = shorten(campaign.vehicle.axles[axle].name)
                 said.append(
-                    f"{shorten(file, 100)} rings unlike the other drops of '{name}': the modes of the truck in load "
-                    f"case '{shorten(case)}' leave {share:.0%} of its motion unexplained, and of those "
-                    f"{float(np.median(others)):.0%}; check its axle and load_case, and what was different."
+                    f"{shorten(ringing.drop.log.file, 100)} rings unlike the other drops of '{name}': the modes of the "
+                    f"truck in load case '{shorten(case)}' leave {share:.0%} of its motion unexplained, and of those "
+                    f"{float(np.median(of_others)):.0%}; check its axle and load_case, and what was different."
                 )
     return said
 
