@@ -16,6 +16,7 @@ from sysid.first_look.words import (
     Reading,
     Side,
     axle_number,
+    denied,
     place_of,
     read_words,
     side_of,
@@ -44,7 +45,8 @@ _CASE = re.compile(
 #: Share of the load: words in front of or behind a percentage.
 _SHARE = re.compile(r"(?<![\d.,])(\d{1,3})[\s_-]?(?:%|pct|percent|prozent|proz)(?![a-z])")
 _GLUED = re.compile(r"([a-z]+)(\d{1,2})(?!\d)")
-_COUNTED = re.compile(r"([a-z]+)[\s_.#-]*\d{1,4}(?!\d)")
+#: A word and the number behind it, which is no ordinal such as 2nd.
+_COUNTED = re.compile(r"([a-z]+)[\s_.#-]*\d{1,4}(?!\d|(?:st|nd|rd|th|er|ere|eme|re|e|o|a)(?![a-z])|°)")
 
 
 @dataclass(frozen=True)
@@ -149,6 +151,8 @@ def _kind(reading: Reading) -> str | None:
 
 
 def _load(reading: Reading, part: str) -> LoadSaid | None:
+    if denied(tokens(part), "load"):
+        return None
     said = reading.all("load")
     share = _SHARE.search(part)
     if share:

@@ -29,12 +29,13 @@ LONGEST = 4
 @dataclass(frozen=True)
 class Vocabulary:
     """Meanings of words and of phrases, phrases `joined` to one word, words in front of numbers of channels and of
-    repeats, parts of compounds that say nothing, and ordinal numbers."""
+    repeats, words that deny the next one, parts of compounds that say nothing, and ordinal numbers."""
 
     meanings: Mapping[tuple[str, ...], tuple[Meaning, ...]]
     joined: frozenset[tuple[str, ...]]
     channel: frozenset[str]
     repeat: frozenset[str]
+    denial: frozenset[str]
     neutral: frozenset[str]
     ordinal: Mapping[str, int]
 
@@ -77,9 +78,8 @@ def vocabulary() -> Vocabulary:
         "".join(s): int(n) for n, words in ordinals.items() for w in words if w[0].isalpha() for s in _spellings(w)
     }
     both = {words: tuple(found) for words, found in (joined | meanings).items()}
-    return Vocabulary(
-        both, frozenset(joined) - frozenset(meanings), sets["channel"], sets["repeat"], sets["neutral"], named
-    )
+    kept = (sets[key] for key in ("channel", "repeat", "denial", "neutral"))
+    return Vocabulary(both, frozenset(joined) - frozenset(meanings), *kept, named)
 
 
 @cache

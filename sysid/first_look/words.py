@@ -18,6 +18,7 @@ PLACES: tuple[PlaceWord, ...] = ("front", "pusher", "drive", "tag", "middle", "r
 
 _SPLIT = re.compile(r"[a-z]+|\d+")
 _CAMEL = re.compile(r"(?<=[^\W\d_])(?=[^\W\d_])")
+_JOINED = re.compile(r"(?<![\d.,-])(\d)\.?\s?([/+&-])\s?(\d)(?![\d,-]|\.\d)")
 _ORDINAL = re.compile(r"(\d+)(?:(?:st|nd|rd|th|er|ere|eme|re|e|o|a)\b|[.°º](?=[\s_-]*[a-z]))")
 
 
@@ -146,6 +147,16 @@ def _against(meaning: Meaning, fixed: Mapping[str, frozenset[str]]) -> bool:
     return any(key in fixed and value not in fixed[key] for key, value in _bare(meaning).items())
 
 
+def denied(words: Sequence[str], attribute: str) -> bool:
+    """Whether a word such as "not" stands before one that says `attribute`, and no phrase of both is known."""
+    meant = list(_meant(words))
+    says = [any(attribute in m for m in found) for _, _, found in meant]
+    return any(
+        length == 1 and words[i] in vocabulary().denial and any(says[k + 1 : k + 3])
+        for k, (i, length, _) in enumerate(meant)
+    )
+
+
 def place_of(reading: Reading) -> tuple[PlaceWord | None, str | None]:
     """Place of an axle and its end within a group; None where none is said, or places contradict each other."""
     place, end = reading.one("place"), reading.one("end")
@@ -172,10 +183,18 @@ def axle_number(name: str) -> tuple[int | None, bool]:
     """The only number that may be an axle's, and whether a word for axle stands at it."""
     words = tokens(name)
     counted = [(i, int(w)) for i, w in enumerate(words) if w.isdigit() and len(w) <= 2]
+    if _says_two_axles(name, len(counted)):
+        return None, False
+    plain = folded(name)
+    ordinals = [(int(m[1]), tokens(plain[m.end() :])[:1]) for m in _ORDINAL.finditer(plain) if len(m[1]) <= 2]
+    # "2nd axle 1" is the first repeat.
+    before = {number for number, word in ordinals if word and _is_axle(word[0])}
+    if len(before) == 1:
+        return before.pop(), True
     behind = {number for i, number in counted if i and _is_axle(words[i - 1])}
     if behind:
         return (behind.pop(), True) if len(behind) == 1 else (None, False)
-    ordinal = {int(m[1]) for m in _ORDINAL.finditer(folded(name)) if len(m[1]) <= 2}
+    ordinal = {number for number, _ in ordinals}
     ordinal |= {vocabulary().ordinal[w] for w in words if len(w) > 1 and w in vocabulary().ordinal}
     if len(ordinal) == 1 and any(map(_is_axle, words)):
         return ordinal.pop(), True
@@ -185,6 +204,12 @@ def axle_number(name: str) -> tuple[int | None, bool]:
     channel = vocabulary().channel
     free = [n for i, n in counted if not (i and words[i - 1] in channel) and not (i == 0 and len(words) == 1)]
     return (free[0] if len(free) == 1 else None), False
+
+
+def _says_two_axles(name: str, numbers: int) -> bool:
+    """Whether a number and the next one are joined: ``2./3.``, ``2+3``; by a dash only beside a third number."""
+    found = [(m[2], int(m[3]) - int(m[1])) for m in _JOINED.finditer(name)]
+    return any(one_above == 1 and (mark != "-" or numbers > 2) for mark, one_above in found)
 
 
 def _is_numeral(word: str) -> bool:

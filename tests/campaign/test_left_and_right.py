@@ -59,6 +59,12 @@ def test_what_an_angle_and_tramp_make_different_is_no_fault() -> None:
     assert "check the sign" in said(-(moved(TIME - 0.04) + tramp))[0]
 
 
+@pytest.mark.parametrize(("roll_m_s2", "sentences"), [(0.4, 0), (4.0, 1)])
+def test_roll_that_is_little_beside_the_hop_is_not_worth_a_word(roll_m_s2: float, sentences: int) -> None:
+    """Of an axle that hops, heave below 3 Hz is so little that any roll is as large."""
+    assert len(said(moved(TIME) + roll_m_s2 * np.sin(5.6 * TIME))) == sentences
+
+
 def test_clipped_readings_and_gaps_of_one_side_are_not_compared() -> None:
     motion = moved(TIME)
     clipped = np.clip(np.round(motion, 2), -8.0, 8.0)

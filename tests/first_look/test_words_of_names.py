@@ -36,6 +36,12 @@ Q, A, B = "suspension_deflection", "axle_acceleration", "body_acceleration"
         ("WegHAre", Q, None, None, "rear", "right"),
         ("Beschl. Rahmen hi. re. [g]", B, "g", None, "rear", "right"),
         ("2. Achse Federweg", Q, None, 2, None, None),
+        # Two axles are none of them.
+        ("Federweg 2./3. Achse", Q, None, None, None, None),
+        ("Accel axle 1+2 [g]", A, "g", None, None, None),
+        ("Carrera 2º eje 1", Q, None, 2, None, None),
+        ("Ay Frame [g]", None, "g", None, None, None),
+        ("acc. longi. châssis", None, None, None, None, None),
         ("Aceleración eje trasero izq (m/s²)", A, "m/s^2", None, "rear", "left"),
         ("Recorrido de suspensión eje 3 dcha mm", Q, "mm", 3, None, "right"),
         ("Balgdruck VA li [bar]", "air_pressure", "bar", None, "front", "left"),
@@ -144,3 +150,39 @@ def test_an_unknown_word_in_place_of_a_load_is_a_load_case_to_be_confirmed() -> 
     cases, of_paths = _cases("tare/drop_1.csv", "heavy/drop_1.csv", "laden/drop_1.csv", "docs/notes_3.csv")
     assert of_paths == ["tare", "heavy", "laden", None]
     assert cases["heavy"] == (None, True)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "not loaded/bump 10kmh.csv", "nicht voll beladen/Schwelle 10kmh.csv", "pas chargé/bosse 10kmh.csv",
+        "before loading/bump 10kmh.csv", "vor der Beladung/Schwelle 10kmh.csv", "antes de cargar/tope 10kmh.csv",
+    ],
+)  # fmt: skip
+def test_a_load_that_is_denied_is_left_open(path: str) -> None:
+    assert path_says(path).load is None
+
+
+@pytest.mark.parametrize(
+    ("path", "load"),
+    [
+        ("nicht beladen/Schwelle 10kmh.csv", "empty"), ("sin carga/tope 10kmh.csv", "empty"),
+        ("no load/bump 10kmh.csv", "empty"), ("non chargé/bosse 10kmh.csv", "empty"), ("TARA_badén_v20.csv", "empty"),
+        ("not used/loaded bump 10kmh.csv", "laden"), ("loaded, not washed/bump 10kmh.csv", "laden"),
+    ],
+)  # fmt: skip
+def test_a_phrase_or_another_word_denies_no_load(path: str, load: str) -> None:
+    said = path_says(path).load
+    assert said is not None
+    assert said.kind == load
+
+
+@pytest.mark.parametrize(
+    ("path", "number"),
+    [
+        ("FV_A2-3_leer_01.csv", None), ("Fall Achse 2-1.csv", 2), ("Fall A2-3.csv", 2), ("caída_2º eje_1.csv", 2),
+        ("drop axles 2+3 no 1.csv", None), ("axle 3 drop 2024-05-06.csv", 3),
+    ],
+)  # fmt: skip
+def test_the_axle_of_a_path_with_several_numbers(path: str, number: int | None) -> None:
+    assert path_says(path).axle.number == number

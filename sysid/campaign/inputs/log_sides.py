@@ -20,6 +20,8 @@ _LATEST_S = 0.1
 _SLOW_HZ, _CLEAR, _LEAST = 3.0, 5.0, 60
 #: Correlations of sides that move alike, and the other way round; factor by which equal sides do not differ.
 _ALIKE, _SURELY, _FACTOR = 0.8, 0.5, 1.9
+#: Roll is not worth a word where it is less than this part of all that the sides show: axles hop more than they heave.
+_LITTLE = 0.15
 
 
 def join_sides(channels: list[Channel], label: str, messages: list[str]) -> list[Channel]:
@@ -127,6 +129,7 @@ def _moved_apart(one: Channel, two: Channel, both: np.ndarray) -> str | None:
     if left.size < _LEAST or _SLOW_HZ * step_s > 0.2:
         return None
     noise = max(_noise(x) for x in (left, right)) * np.sqrt(2.0 * _SLOW_HZ * step_s)
+    whole = 0.5 * float(np.std(left + right))
     left, right = (sosfiltfilt(butter(2, 2.0 * _SLOW_HZ * step_s, output="sos"), x) for x in (left, right))
     spread, sizes = float(np.std(left - right)), (float(np.std(left)), float(np.std(right)))
     # The mean of sides that move against each other is nothing.
@@ -138,6 +141,8 @@ def _moved_apart(one: Channel, two: Channel, both: np.ndarray) -> str | None:
     if _correlation(left, right) < -_SURELY:
         return f"{apart}they move against each other: check the sign of both sensors."
     if _correlation(left, right) < _ALIKE:
+        if spread < _LITTLE * whole:
+            return None
         return f"{apart}they move differently, as where the truck rolls or one of them is loose; their mean is used."
     if not 1.0 / _FACTOR < ratio < _FACTOR:
         return f"{apart}the second reads {ratio:.3g} times the first: check unit and scale of both sensors."
