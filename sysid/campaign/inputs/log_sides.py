@@ -129,7 +129,7 @@ def _moved_apart(one: Channel, two: Channel, both: np.ndarray) -> str | None:
     if left.size < _LEAST or _SLOW_HZ * step_s > 0.2:
         return None
     noise = max(_noise(x) for x in (left, right)) * np.sqrt(2.0 * _SLOW_HZ * step_s)
-    whole = 0.5 * float(np.std(left + right))
+    whole, in_all = 0.5 * float(np.std(left + right)), float(np.std(right) / max(float(np.std(left)), 1e-300))
     left, right = (sosfiltfilt(butter(2, 2.0 * _SLOW_HZ * step_s, output="sos"), x) for x in (left, right))
     spread, sizes = float(np.std(left - right)), (float(np.std(left)), float(np.std(right)))
     # The mean of sides that move against each other is nothing.
@@ -138,14 +138,18 @@ def _moved_apart(one: Channel, two: Channel, both: np.ndarray) -> str | None:
         return None
     apart = f"differ below {_SLOW_HZ:g} Hz by {spread / size:.1f} times the size of their mean; "
     ratio = sizes[1] / sizes[0]
-    if _correlation(left, right) < -_SURELY:
+    # Sides that move against each other, by all that they show, have no mean.
+    little = spread < _LITTLE * whole
+    if not little and _correlation(left, right) < -_SURELY:
         return f"{apart}they move against each other: check the sign of both sensors."
-    if _correlation(left, right) < _ALIKE:
-        if spread < _LITTLE * whole:
-            return None
-        return f"{apart}they move differently, as where the truck rolls or one of them is loose; their mean is used."
-    if not 1.0 / _FACTOR < ratio < _FACTOR:
+    alike = _correlation(left, right) >= _ALIKE
+    usual = [1.0 / _FACTOR < factor < _FACTOR for factor in (ratio, in_all)]
+    if alike and not usual[0] and not (little and usual[1]):
         return f"{apart}the second reads {ratio:.3g} times the first: check unit and scale of both sensors."
+    if little:
+        return None
+    if not alike:
+        return f"{apart}they move differently, as where the truck rolls or one of them is loose; their mean is used."
     return f"{apart}their shape is the same: the truck rolls, or one of them is mounted elsewhere; their mean is used."
 
 
