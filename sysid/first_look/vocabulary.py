@@ -78,8 +78,8 @@ def vocabulary() -> Vocabulary:
         "".join(s): int(n) for n, words in ordinals.items() for w in words if w[0].isalpha() for s in _spellings(w)
     }
     both = {words: tuple(found) for words, found in (joined | meanings).items()}
-    kept = (sets[key] for key in ("channel", "repeat", "denial", "neutral"))
-    return Vocabulary(both, frozenset(joined) - frozenset(meanings), *kept, named)
+    alone = frozenset(joined) - frozenset(meanings)
+    return Vocabulary(both, alone, sets["channel"], sets["repeat"], sets["denial"], sets["neutral"], named)
 
 
 @cache
