@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import secrets
 import stat
 import time
 from collections.abc import Iterator
@@ -150,7 +149,7 @@ def write_bytes(path: Path, content: bytes) -> None:
     """
     path = Path(path)
     with _place(path.parent, make=True) as place:
-        name = f"{UNFINISHED}{secrets.token_hex(8)}{path.suffix}"
+        name = f"{UNFINISHED}{os.urandom(8).hex()}{path.suffix}"
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _PLAIN
         try:
             with open(os.open(place.at(name), flags, 0o666, dir_fd=place.descriptor), "wb") as stream:

@@ -10,7 +10,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +86,8 @@ def _say(sentence: str) -> None:
 
 def cache_folder() -> Path:
     """Folder for functions compiled by JAX, one per version of JAX; as :func:`private_cache`."""
+    from importlib.metadata import version
+
     return private_cache(f"jax-{version('jax')}", check_owner_of_all)
 
 

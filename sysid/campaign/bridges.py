@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-
-from sysid.arrays import Stations
 from sysid.campaign.roads import RoadCourse
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from sysid.arrays import Stations
 
 SupportName = Literal["pinned", "fixed", "free"]
 LineKind = Literal["moment", "shear", "deflection", "other"]

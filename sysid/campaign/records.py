@@ -9,9 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
-
-import numpy as np
+from typing import TYPE_CHECKING, Literal
 
 from sysid.campaign.bridges import BridgeCourse, BridgeDescription
 from sysid.campaign.loggers import ClockFinding
@@ -19,6 +17,9 @@ from sysid.campaign.priors import NamedPrior
 from sysid.campaign.roads import RoadCourse
 from sysid.campaign.units import Dimension, si_factor
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
+
+if TYPE_CHECKING:
+    import numpy as np
 
 #: What holds the speed: a driver or servo at once, a tow at constant speed, a cruise control slowly, or nothing.
 SpeedHeld = Literal["servo", "towed", "cruise", "free"]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-
-import numpy as np
+from math import isfinite
+from typing import TYPE_CHECKING
 
 from sysid import limits
-from sysid.arrays import Stations
 from sysid.campaign.records import BumpShape, Campaign, PredictionRequest
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.errors import CampaignError
+
+if TYPE_CHECKING:
+    from sysid.arrays import Stations
 
 #: Distance of the stations of a shape [m].
 STATION_STEP_M = 0.002
@@ -23,6 +25,8 @@ MARGIN = 1.05
 def shape_fault(shape: BumpShape) -> str:
     """Why a bump by name and size, or by points, is none: half a sentence that follows its name; empty for a bump."""
     if shape.name == "points":
+        import numpy as np
+
         return points_fault(np.array(shape.station_m), np.array(shape.heights_m))
     height, length, top = shape.height_m, shape.length_m, shape.top_m
     if height is None or length is None:
@@ -39,7 +43,7 @@ def shape_fault(shape: BumpShape) -> str:
 def size_fault(height_m: float, length_m: float) -> str:
     """The same of height and length alone, each [m]."""
     for what, value in (("height", height_m), ("length", length_m)):
-        if not np.isfinite(value) or value <= 0:
+        if not isfinite(value) or value <= 0:
             return f"has a {what} of {value:g} m; a positive length in metres is expected"
     if length_m < 3 * STATION_STEP_M:
         step = f"stations every {STATION_STEP_M:g} m"
@@ -52,6 +56,8 @@ def size_fault(height_m: float, length_m: float) -> str:
 
 def points_fault(station_m: Stations, height_m: Stations) -> str:
     """The same of points along the road, `station_m` and `height_m` (n,) [m]."""
+    import numpy as np
+
     if station_m.ndim != 1 or station_m.shape != height_m.shape or station_m.size < 3:
         return f"has {station_m.size} stations and {height_m.size} heights; at least three of each are expected"
     if not (np.all(np.isfinite(station_m)) and np.all(np.isfinite(height_m))):

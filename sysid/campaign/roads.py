@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
 #: Classes of roads by ISO 8608.
 RoadClass = Literal["A", "B", "C", "D", "E", "F", "G", "H"]

@@ -18,6 +18,7 @@ from rich.text import Text
 
 from sysid.cli import output_option
 from sysid.cli.calibration_options import calibration_options
+from sysid.cli.fleet_help import FLEET_HELP
 from sysid.cli.fleet_tables import MOST_ROWS, population_blocks, recalibration_blocks, status_blocks
 from sysid.cli.guarded import guarded
 from sysid.cli.invocation import command_line
@@ -35,15 +36,6 @@ if TYPE_CHECKING:
 DEFAULT_OUTPUT = "fleet_output"
 _STATES = {"done": "green", "not converged": "yellow", "running": "cyan", "queued": "dim"}
 
-_HELP = """Many campaigns side by side: calibrate them, and see what they say together.
-
-'fleet FLEET' is short for 'fleet run FLEET'; FLEET is a fleet.toml or a folder of campaigns.
-
-Exit codes of 'fleet run': 0 every campaign has converged or is a preview, 2 bad command or fleet file, 3 a campaign
-was rejected, failed or crashed, or the folder cannot be written, 4 one has not converged, 130 stopped by Ctrl-C.
-One failure never stops the others.
-"""
-
 
 class _RunByDefault(click.Group):
     """Takes what is no name of a command for the fleet to run; lists its commands in the order of their use."""
@@ -57,7 +49,7 @@ class _RunByDefault(click.Group):
         return list(self.commands)
 
 
-@click.group(cls=_RunByDefault, help=_HELP)
+@click.group(cls=_RunByDefault, help=FLEET_HELP)
 def fleet() -> None:
     """Entry point of the commands of a fleet."""
 

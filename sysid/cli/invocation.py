@@ -6,15 +6,17 @@ import logging
 import os
 import shlex
 import shutil
-import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
-from rich.console import Console
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 #: Name of the program when it runs as a module.
 MODULE = "python -m sysid"
@@ -27,7 +29,11 @@ def program() -> str:
 
 def quoted(words: Sequence[str]) -> str:
     """Words as a command that a shell takes apart again into the same words."""
-    return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
+    if os.name == "nt":
+        import subprocess
+
+        return subprocess.list2cmdline(words)
+    return shlex.join(words)
 
 
 def command_line(*words: object) -> str:

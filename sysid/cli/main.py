@@ -15,14 +15,16 @@ import click
 
 from sysid.cli import output_option
 from sysid.cli.calibration_options import calibration_options, decorated
-from sysid.cli.fleet import fleet
+from sysid.cli.fleet_help import FLEET_HELP
 from sysid.cli.invocation import MODULE
+from sysid.cli.later import LaterGroup
 from sysid.runtime import own_process
 from sysid.workflow.stage import Option
 from sysid.workflow.stages import RECORDS
 
 DEFAULT_CAMPAIGN = "data/campaign.toml"
 DEFAULT_OUTPUT = "output"
+_FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
 _HELP = """Suspension stiffness and damping of a heavy vehicle from plank drops and bump runs.
 
@@ -108,7 +110,7 @@ def _add(name: str, text: str, options: Sequence[Option] = ()) -> None:
 
 
 @cli.command("init")
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=_FOLDER)
 @click.option(
     "--vehicle",
     default=None,
@@ -149,7 +151,7 @@ def selftest(campaign: Path, replicates: int, seed: int) -> None:
 
 
 @cli.command("compare")
-@click.argument("folders", nargs=-1, required=True, metavar="FOLDER FOLDER...", type=click.Path(path_type=Path))
+@click.argument("folders", nargs=-1, required=True, metavar="FOLDER FOLDER...", type=_FOLDER)
 @click.option("--output", default="comparison", show_default=True, type=output_option.folder,
               help="Folder for page, figure and table.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print the comparison as JSON instead of tables.")
@@ -162,7 +164,7 @@ def compare(folders: tuple[Path, ...], output: Path, as_json: bool, nothing_shar
     sys.exit(run_compare(folders, output, as_json, not nothing_shared, opens))
 
 
-cli.add_command(fleet)
+cli.add_command(LaterGroup("sysid.cli.fleet", "fleet", FLEET_HELP))
 
 
 @cli.command("formats")

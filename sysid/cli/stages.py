@@ -28,6 +28,7 @@ from sysid.workflow.stage import Blocks, Command, Ending, Stage, Whole
 from sysid.workflow.stages import EXPORT, RECORDS, SUMMARY
 
 if TYPE_CHECKING:
+    from sysid.campaign.declared import Declared
     from sysid.results.contents import Results
     from sysid.workflow import Calibration
 
@@ -114,7 +115,9 @@ def _run(
     name: str, campaign: Path, output: Path, screen: Console, errors: Console, resume: bool, choices: dict[str, Any]
 ) -> int:
     as_json, opens = choices.pop("as_json", False), choices.pop("opens", False)
-    check_campaign(campaign)
+    declared = check_campaign(campaign)
+    if (record := _record(name)) is not None:
+        _command(record).refuse(declared, choices)
     with StageProgress(errors) as progress:
         progress.stage("reading campaign and logs")
         calibration, outcome = _compute(name, campaign, output, errors, progress, resume, choices)
@@ -155,8 +158,8 @@ def _record(name: str) -> Stage[Any] | Ending | None:
     return next((r for r in RECORDS if r.name == name), None)
 
 
-def check_campaign(campaign: Path) -> None:
-    """Find what is wrong with a campaign file before anything heavy is loaded, and offer `init` where there is none.
+def check_campaign(campaign: Path) -> Declared:
+    """What a campaign file declares, checked before anything heavy is loaded; `init` is offered where there is none.
 
     Raises
     ------
@@ -170,7 +173,7 @@ def check_campaign(campaign: Path) -> None:
             f"{shorten(campaign, 100)} holds no campaign.toml; write one from the logs in it: "
             f"{command_line('init', campaign)}"
         )
-    check_declared(campaign)
+    return check_declared(campaign)
 
 
 def _compute(

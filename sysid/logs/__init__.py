@@ -1,17 +1,5 @@
 """Files of loggers: from the bytes of a file to channels with their own time, whatever the format."""
 
-from sysid.logs.channels import Clock, LogContent, LogFormat, LogRequest, RawChannel
-from sysid.logs.input_file import InputFile
-from sysid.logs.registry import FORMATS, format_of, read_channels
+import lazy_loader
 
-__all__ = [
-    "FORMATS",
-    "Clock",
-    "InputFile",
-    "LogContent",
-    "LogFormat",
-    "LogRequest",
-    "RawChannel",
-    "format_of",
-    "read_channels",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.campaign.records import Campaign
-from sysid.errors import CampaignError
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.left_out import fit_without
 from sysid.estimation.fit.options import FitOptions
@@ -33,7 +31,7 @@ def leave_out(
     Parameters
     ----------
     fit, state : results and state of the fit of all runs.
-    runs : files of the runs (:func:`chosen_runs`).
+    runs : files of the runs (:func:`sysid.validation.chosen_runs.chosen_runs`).
     """
     report = progress or unwatched
     files = [r.log.file for r in state.campaign.bump_runs]
@@ -64,26 +62,3 @@ def _in_the_same_noise(history: RunHistory, fit: FitResult) -> RunHistory:
     return replace(
         history, instrument_noise_sd=fitted.instrument_noise_sd[at], rolling_noise_sd=fitted.rolling_noise_sd[at]
     )
-
-
-def chosen_runs(campaign: Campaign, names: Sequence[str]) -> tuple[str, ...]:
-    """Files of the named bump runs, all of them for none; a name is the file or its last part without extension.
-
-    Raises
-    ------
-    CampaignError
-        If a name fits no run or several, or the campaign has one run only.
-    """
-    files = [r.log.file for r in campaign.bump_runs]
-    if len(files) < 2:
-        raise CampaignError(
-            "A run can be left out only where another one is left to fit; the campaign has fewer than two."
-        )
-    chosen = []
-    for name in names:
-        fitting = [f for f in files if name == f or name in (f.rsplit("/")[-1], f.rsplit("/")[-1].rsplit(".", 1)[0])]
-        if len(fitting) != 1:
-            several = "fits several runs" if fitting else "is none of the runs that can be used"
-            raise CampaignError(f"--leave-out {name} {several}; give one of {', '.join(files)}.")
-        chosen += fitting
-    return tuple(dict.fromkeys(chosen or files))

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.errors import CampaignError
 
 if TYPE_CHECKING:
-    from sysid.campaign.bridges import BridgeCourse
+    from sysid.campaign.bridges import BridgeCourse, BridgeDescription
+    from sysid.campaign.declared import Declared
     from sysid.campaign.records import BumpShape, Campaign, PredictionRequest
     from sysid.campaign.roads import RoadCourse
 
@@ -25,7 +27,22 @@ ROAD_LENGTH_M, SHAPE_LENGTH_M = 500.0, 100.0
 BUMP_SHAPES = ("watts", "sinusoidal", "half_sine", "parabolic", "trapezoid")
 
 
-def requested_passes(campaign: Campaign, options: Mapping[str, Any]) -> tuple[PredictionRequest, ...]:
+@dataclass(frozen=True)
+class _Names:
+    """What options can name in a campaign."""
+
+    load_cases: Collection[str]
+    scans: Collection[str]
+    bridges: Mapping[str, BridgeDescription]
+
+
+def refuse_passes(declared: Declared, options: Mapping[str, Any]) -> None:
+    """Raise what :func:`requested_passes` raises, from what the campaign file declares: its logs are not read yet."""
+    if options.get("bridge") not in declared.tables.bridge:  # one of the campaign's comes with files of its own
+        requested_passes(_Names(declared.tables.load_case, declared.tables.scan, {}), options)
+
+
+def requested_passes(campaign: Campaign | _Names, options: Mapping[str, Any]) -> tuple[PredictionRequest, ...]:
     """One request per speed; none where no speed is given.
 
     Raises
@@ -67,7 +84,7 @@ def requested_passes(campaign: Campaign, options: Mapping[str, Any]) -> tuple[Pr
     return tuple(PredictionRequest(case, speed / 3.6, bump, shape) for speed in speeds)
 
 
-def _bridge(campaign: Campaign, options: Mapping[str, Any]) -> BridgeCourse:
+def _bridge(campaign: Campaign | _Names, options: Mapping[str, Any]) -> BridgeCourse:
     """The bridge of --bridge with the surface that --road names, or its own."""
     from sysid.campaign.bridges import BridgeCourse, Surface
     from sysid.campaign.inputs.bridges import bridge_from_file
@@ -142,7 +159,7 @@ def _shape(options: Mapping[str, Any]) -> BumpShape | None:
     return BumpShape(name, height, length, top)
 
 
-def _file(campaign: Campaign, bump: str | None, lateral: float | None) -> BumpShape | None:
+def _file(campaign: Campaign | _Names, bump: str | None, lateral: float | None) -> BumpShape | None:
     """The bump in a file that --bump names; None where it names a scan."""
     path = None if bump is None or bump in campaign.scans else Path(bump)
     if path is None or not (os.path.exists(path) or path.suffix):
@@ -159,7 +176,7 @@ def _file(campaign: Campaign, bump: str | None, lateral: float | None) -> BumpSh
     return bump_from_file(path, lateral or 0.0, "/".join(part for part in (path.parent.name, path.name) if part))
 
 
-def _bump(campaign: Campaign, name: str | None, shape: BumpShape | None) -> str:
+def _bump(campaign: Campaign | _Names, name: str | None, shape: BumpShape | None) -> str:
     if shape is not None:
         if name is not None:
             raise CampaignError("--bump and --shape are both given; a pass crosses one of them.")

@@ -99,18 +99,24 @@ def _guarded_names(module: str, words: str) -> dict[str, Any]:
     """What of `words` the module imports under ``if TYPE_CHECKING``: get_type_hints does not see these."""
     wanted = set(re.findall(r"[A-Za-z_]\w*", words))
     guarded = _guarded_imports(module)
-    return {name: getattr(importlib.import_module(guarded[name]), name) for name in wanted & guarded.keys()}
+    found = {name: (importlib.import_module(guarded[name][0]), guarded[name][1]) for name in wanted & guarded.keys()}
+    return {name: getattr(source, of) if of else source for name, (source, of) in found.items()}
 
 
 @cache
-def _guarded_imports(module: str) -> dict[str, str]:
-    """Module of every name that a module of this package imports under ``if TYPE_CHECKING`` by ``from ... import``."""
-    module_of: dict[str, str] = {}
+def _guarded_imports(module: str) -> dict[str, tuple[str, str]]:
+    """Of every name that a module of this package imports under ``if TYPE_CHECKING``, its module and the name there.
+
+    The name is empty for NumPy, the one module that annotations name.
+    """
+    module_of: dict[str, tuple[str, str]] = {}
     if not module.startswith("sysid"):
         return module_of
     for node in ast.parse(inspect.getsource(sys.modules[module])).body:
         if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
             for line in node.body:
                 if isinstance(line, ast.ImportFrom) and line.module and line.module.startswith("sysid"):
-                    module_of |= {alias.name: line.module for alias in line.names}
+                    module_of |= {alias.name: (line.module, alias.name) for alias in line.names}
+                elif isinstance(line, ast.Import):
+                    module_of |= {a.asname or a.name: (a.name, "") for a in line.names if a.name == "numpy"}
     return module_of

@@ -17,6 +17,7 @@ from sysid.errors import SysidError
 from sysid.progress import Progress
 
 if TYPE_CHECKING:
+    from sysid.campaign.declared import Declared
     from sysid.campaign.records import Campaign
     from sysid.results.contents import Results
     from sysid.workflow.inputs import Inputs
@@ -111,7 +112,9 @@ class Command(Generic[T]):
     - `show` makes tables and sentences;
     - `recalls`: without options the command takes those of the run that filled the folder;
     - `fault` is the error whose exit code the command ends with although the result is shown, None where all is well;
-    - `next` are the words of the command that usually comes next on the same campaign.
+    - `next` are the words of the command that usually comes next on the same campaign;
+    - `refuse` raises CampaignError for options that the campaign file alone shows to be wrong: it is called before
+      anything is read or computed.
     """
 
     help: str
@@ -121,6 +124,7 @@ class Command(Generic[T]):
     fault: Callable[[T], type[SysidError] | None] = lambda result: None
     aside: Aside[T] | None = None
     next: tuple[str, ...] = ()
+    refuse: Callable[[Declared, Mapping[str, Any]], None] = lambda declared, options: None
 
 
 def _no_warnings(result: object, quick: bool) -> Sequence[str]:

@@ -80,10 +80,10 @@ def test_folders_without_logs_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
     assert "holds no logs; give the folder into which the logger wrote" in found.output
     found = run(empty / "notes.txt")
     assert found.exit_code == 2
-    assert "is a file, expected the folder with the logs" in found.output
+    assert "is a file" in found.output
     found = run(tmp_path / "none")
     assert found.exit_code == 2
-    assert "does not exist, expected the folder with the logs" in found.output
+    assert "does not exist" in found.output
     (empty / "log.mf4").write_bytes(b"MDF     4.10    broken")
     found = run(empty)
     assert found.exit_code == 3

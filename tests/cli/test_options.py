@@ -13,6 +13,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from sysid.cli.later import LaterGroup
 from sysid.cli.main import cli
 from sysid.cli.stages import INTERRUPTED
 from sysid.planning.ranking import CANDIDATE_KM_H
@@ -28,7 +29,7 @@ STAGES = set(cli.commands)
 def options(stage: str) -> set[str]:
     """Options of a stage as they are typed, those of the commands below it among them."""
     command = cli.commands[stage]
-    below = [*command.commands.values()] if isinstance(command, click.Group) else []
+    below = [*command.whole().commands.values()] if isinstance(command, LaterGroup) else []
     return {p.opts[0] for c in (command, *below) for p in c.params if isinstance(p, click.Option)}
 
 

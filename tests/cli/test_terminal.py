@@ -200,6 +200,42 @@ def test_a_slip_is_told_before_anything_heavy_is_loaded(tmp_path: Path, slip: st
     assert not (tmp_path / "o").exists()
 
 
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("predict", "data", "--road", "B"), "--road needs a --speed"),
+        (("predict", "data", "--speed", "60", "--load-case", "ful"), "it has unloaded, loaded"),
+        (("predict", "data", "--speed", "60", "--bump", "mound"), "it has bump"),
+        (("profile", "data", "--parameter", "k_9"), "axles 1 to 6"),
+        (("validate", "data", "--leave-out", "nothing"), "none of the runs"),
+        (("compare", "data", "nowhere"), "does not exist"),
+        (("init", "nowhere"), "does not exist"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, tuple) else "",
+)
+def test_options_that_the_campaign_file_contradicts_are_told_before_anything_is_read(
+    tmp_path: Path, words: tuple[str, ...], expected: str
+) -> None:
+    output = () if words[0] == "init" else ("--output", str(tmp_path / "o"))
+    program = (
+        "import sys\nfrom sysid.cli.main import cli\n"
+        f"try:\n    cli({[*words, *output]!r})\n"
+        "except SystemExit as ended:\n"
+        "    print(ended.code, sorted({'jax', 'pandas', 'matplotlib'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT)
+    assert done.stdout.strip() == "2 []", done.stderr
+    assert expected in " ".join(done.stderr.split())
+    assert not (tmp_path / "o").exists()
+
+
+def test_the_help_loads_no_package_but_click() -> None:
+    program = "import sys\nfrom sysid.cli.main import cli\ntry:\n    cli(['--help'])\nexcept SystemExit:\n    pass\n"
+    program += "print(sorted({'numpy', 'pydantic', 'rich'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
 def test_a_folder_of_logs_without_a_campaign_file_is_offered_init(tmp_path: Path) -> None:
     folder = tmp_path / "my logs"
     folder.mkdir()

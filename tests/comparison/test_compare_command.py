@@ -67,7 +67,7 @@ def test_without_sharing_a_change_of_a_tenth_is_not_seen(folders, tmp_path) -> N
 def test_a_wrong_folder_is_one_sentence(folders, tmp_path) -> None:
     code, shown, said = run(folders[0], str(tmp_path / "none"), "--output", str(tmp_path / "out"))
     assert (code, shown) == (2, "")
-    assert "is no folder" in said
+    assert "does not exist" in said
     assert "Traceback" not in said
     assert not (tmp_path / "out").exists()
     (Path(folders[1]) / "covariance.json").write_text("[]", encoding="utf-8")

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from sysid.cli.fleet import fleet
 from sysid.cli.main import cli
 from sysid.errors import CampaignError
 from sysid.fleet.begin import fleet_text
@@ -217,7 +218,7 @@ def test_jobs_are_one_command_per_campaign_that_means_the_same(tmp_path: Path) -
     lines = [shlex.split(line) for line in result.stdout.splitlines()]
     assert len(lines) == 3
     begin = lines[1].index("run")
-    parsed = cli.commands["fleet"].commands["run"].make_context("run", lines[1][begin + 1 :]).params
+    parsed = fleet.commands["run"].make_context("run", lines[1][begin + 1 :]).params
     assert parsed["path"] == folder
     assert parsed["only"] == ("again",)
     assert (parsed["quick"], parsed["seed"], parsed["workers"]) == (True, 3, 1)

@@ -21,7 +21,8 @@ from sysid.export.tables import validation_csv
 from sysid.report.agreement import left_out_table
 from sysid.validation import validate
 from sysid.validation.channel_agreement import LeftOut, LeftOutRun
-from sysid.validation.leave_out import chosen_runs, leave_out
+from sysid.validation.chosen_runs import chosen_runs
+from sysid.validation.leave_out import leave_out
 from sysid.workflow import store
 
 FILES = ("runs/slow.csv", "runs/middle.csv", "runs/fast.csv")
@@ -125,12 +126,11 @@ def test_left_out_runs_are_kept_between_calls(left, tmp_path):
 
 
 def test_runs_by_file_or_name():
-    data = campaign([empty_run(f, 6.0) for f in FILES])
-    assert chosen_runs(data, ()) == FILES
-    assert chosen_runs(data, ["fast", "runs/slow.csv", "fast.csv"]) == (FILES[2], FILES[0])
+    assert chosen_runs(FILES, ()) == FILES
+    assert chosen_runs(FILES, ["fast", "runs/slow.csv", "fast.csv"]) == (FILES[2], FILES[0])
     with pytest.raises(CampaignError, match=r"none of the runs.*runs/middle\.csv"):
-        chosen_runs(data, ["nothing"])
+        chosen_runs(FILES, ["nothing"])
     with pytest.raises(CampaignError, match="several"):
-        chosen_runs(campaign([empty_run(f, 6.0) for f in ("a/x.csv", "b/x.csv")]), ["x"])
+        chosen_runs(("a/x.csv", "b/x.csv"), ["x"])
     with pytest.raises(CampaignError, match="fewer than two"):
-        chosen_runs(campaign([empty_run("a.csv", 6.0)]), ["a"])
+        chosen_runs(("a.csv",), ["a"])

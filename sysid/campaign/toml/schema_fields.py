@@ -7,7 +7,6 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictStr
 
 from sysid.campaign.units import unit_names
-from sysid.logs.registry import FORMATS
 from sysid.wording import nearest
 
 #: Characters of a name, which stands in messages and tables, and of a title or notes.
@@ -22,6 +21,8 @@ def _length_unit(unit: str) -> str:
 
 
 def _log_format(name: str) -> str:
+    from sysid.logs.registry import FORMATS
+
     known = [log_format.name for log_format in FORMATS]
     if name not in known:
         raise ValueError(f"is '{name}', which is no format of a log; {nearest(name, known)}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Literal
 
-import numpy as np
 from pydantic import Field, StrictBool, StrictStr, model_validator
 
 from sysid.campaign.toml.schema_fields import (
@@ -37,6 +36,8 @@ class FrameShapeTable(Table):
             raise ValueError(f"has {len(self.x_m)} values of x_m and {len(self.rise)} of rise; give pairs")
         if any(b <= a for a, b in pairwise(self.x_m)):
             raise ValueError("has values of x_m that do not increase; sort the points front to rear")
+        import numpy as np
+
         straight = np.polyval(np.polyfit(self.x_m, self.rise, 1), self.x_m)
         if np.ptp(np.array(self.rise) - straight) < 1e-6 * max(1.0, np.ptp(self.rise)):
             raise ValueError("is a straight line; give the shape in which the frame bends")
@@ -87,6 +88,8 @@ def _check_curve(positions: list[float], forces: list[float], what: str, name: s
         raise ValueError(f"has a force_N that falls with {what}; positive force pulls axle and body together")
     if not positions[0] < 0.0 < positions[-1]:
         raise ValueError(f"does not reach to both sides of {what} = 0, static rest; extend the {name}")
+    import numpy as np
+
     at_rest = float(np.interp(0.0, positions, forces))
     if abs(at_rest) > 1e-3 * max(abs(f) for f in forces):
         raise ValueError(f"gives {at_rest:g} N at {what} = 0; subtract the force at static rest from force_N")

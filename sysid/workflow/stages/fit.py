@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sysid.display import NOT_DETERMINED, CommandHint, TextTable, shown_unit
 from sysid.errors import CampaignError, DataRejectedError, NotConvergedError
@@ -13,6 +14,7 @@ from sysid.workflow.stages.cells import finite_cell, value_cell
 from sysid.workflow.stages.data import CHECK, DROPS, SCAN
 
 if TYPE_CHECKING:
+    from sysid.campaign.declared import Declared
     from sysid.campaign.loggers import ClockFinding
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.fit.profiles import ProfileLikelihood
@@ -163,11 +165,12 @@ def _left_out(context: Context, runs: Sequence[str]) -> Iterator[tuple[str, Left
 
 def _runs(context: Context) -> Sequence[str]:
     """All runs, or the named ones, or none if no option requests any."""
-    from sysid.validation.leave_out import chosen_runs
+    from sysid.validation.chosen_runs import chosen_runs
 
     named = tuple(context.options.get("left_out") or ())
     one_by_one = bool(context.options.get("leave_one_out"))
-    return chosen_runs(context.campaign, () if one_by_one else named) if one_by_one or named else ()
+    files = [run.log.file for run in context.campaign.bump_runs]
+    return chosen_runs(files, () if one_by_one else named) if one_by_one or named else ()
 
 
 LEFT_OUT = Itemwise(
@@ -223,6 +226,15 @@ def _medians(rows: Sequence[ChannelAgreement]) -> tuple[str, ...]:
     return tuple(finite_cell(channel_median(rows, name), how) for name, how in digits.items())
 
 
+def _refuse_runs(declared: Declared, options: Mapping[str, Any]) -> None:
+    from sysid.validation.chosen_runs import chosen_runs
+
+    files = [run.file for run in declared.tables.tests.bump_run if run.file is not None]
+    # A run of several loggers is named by their files together, when they have been read.
+    if options.get("left_out") and len(files) == len(declared.tables.tests.bump_run):
+        chosen_runs(files, options["left_out"])
+
+
 VALIDATE = Whole(
     name="validate",
     compute=_validate,
@@ -236,6 +248,7 @@ VALIDATE = Whole(
     command=Command(
         help="Agreement with the measured histories; with --leave-out also of runs that the fit has not seen.",
         show=show_validate,
+        refuse=_refuse_runs,
         recalls=True,
         options=(
             Option(
@@ -257,6 +270,14 @@ def _profiles(context: Context, names: Sequence[str]) -> Iterator[tuple[str, Pro
     fit, state = context[FIT].fit, fit_state(context)
     for name in names:
         yield name, profile_parameter(state, fit, name, progress=context.progress)
+
+
+def _refuse_parameters(declared: Declared, options: Mapping[str, Any]) -> None:
+    axles = len(declared.vehicle.vehicle.axles)
+    for name in options["profiled"]:
+        axle = re.search(r"_(\d+)(\[|$)", name)
+        if axle is not None and not 1 <= int(axle[1]) <= axles:
+            raise CampaignError(f"The fit has no parameter '{name}': the vehicle has the axles 1 to {axles}.")
 
 
 def _profiled(context: Context) -> Sequence[str]:
@@ -300,6 +321,7 @@ PROFILE = Itemwise(
     command=Command(
         help="Profile of the deviance of chosen parameters, all others optimised anew.",
         show=show_profile,
+        refuse=_refuse_parameters,
         recalls=True,
         options=(
             Option(

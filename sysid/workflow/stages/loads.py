@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from sysid.display import TextTable
 from sysid.limits import BRIDGE_VEHICLES, ROAD_LENGTH_M, ROAD_REALISATIONS
-from sysid.workflow.requested_passes import BUMP_SHAPES, requested_passes
+from sysid.workflow.requested_passes import BUMP_SHAPES, refuse_passes, requested_passes
 from sysid.workflow.stage import Aside, Blocks, Command, Context, Option, Whole
 from sysid.workflow.stages.bridges import shown_bridge
 from sysid.workflow.stages.cells import finite_cell
@@ -212,6 +212,7 @@ PREDICT = Whole(
         next=("report", "--open"),
         options=_PASS_OPTIONS,
         aside=Aside(_requested, _write_passes, seeded="road"),
+        refuse=refuse_passes,
     ),
 )
 

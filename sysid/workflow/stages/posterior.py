@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from sysid.display import NOT_DETERMINED, TextTable, shown_unit
 from sysid.errors import NotConvergedError
 from sysid.files import remove
-from sysid.workflow.sources import code_digest
 from sysid.workflow.stage import Blocks, Command, Context, Whole
 from sysid.workflow.stages.data import SCAN
 from sysid.workflow.stages.fit import FIT, fit_state
@@ -60,6 +59,7 @@ def _sample(context: Context) -> Posterior:
 def _chain_inputs(context: Context) -> dict[str, str]:
     """What the draws depend on besides the settings: files, engine, versions and code."""
     from sysid.vehicle_model.engine import engine_name
+    from sysid.workflow.sources import code_digest
 
     files = {f"file {name}": digest for name, digest in context.inputs.sha256.items()}
     used = {f"version of {name}": context.version[name] for name in ("sysid", "numpy", "jaxlib", "emcee")}

@@ -1,0 +1,9 @@
+from .channels import Clock as Clock
+from .channels import LogContent as LogContent
+from .channels import LogFormat as LogFormat
+from .channels import LogRequest as LogRequest
+from .channels import RawChannel as RawChannel
+from .input_file import InputFile as InputFile
+from .registry import FORMATS as FORMATS
+from .registry import format_of as format_of
+from .registry import read_channels as read_channels
