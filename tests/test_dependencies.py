@@ -61,7 +61,9 @@ def imported_below(*folders: str) -> set[str]:
 
 def names(requirements: list[str]) -> set[str]:
     """Names of requirements, less the package itself."""
-    return {re.split(r"[\[<>=!~; ]", r, maxsplit=1)[0].lower().replace("_", "-") for r in requirements} - {"sysid"}
+    return {re.split(r"[\[<>=!~; ]", r, maxsplit=1)[0].lower().replace("_", "-") for r in requirements} - {
+        "truck-sysid"
+    }
 
 
 def project() -> dict:

@@ -45,7 +45,7 @@ def declared(*extras: str) -> list[Requirement]:
     waiting = [project["dependencies"], *(project["optional-dependencies"][e] for e in extras)]
     while waiting:
         for requirement in map(Requirement, waiting.pop()):
-            if requirement.name == "sysid":
+            if requirement.name == "truck-sysid":
                 waiting += [project["optional-dependencies"][e] for e in requirement.extras]
             else:
                 found.append(requirement)

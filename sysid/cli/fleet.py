@@ -60,7 +60,8 @@ _output_option = click.option("--output", default=DEFAULT_OUTPUT, show_default=T
 _workers_option = click.option("--workers", default=None, type=click.IntRange(1, 1024),
                                help="Campaigns at a time (default: as many as cores and memory allow).")  # fmt: skip
 _scheduler_option = click.option("--scheduler", default=None, metavar="ADDRESS",
-                                 help="Work on the cluster of this Dask scheduler; needs sysid[cluster].")  # fmt: skip
+                                 help="Work on the cluster of this Dask scheduler; needs "
+                                      "truck-sysid[cluster].")  # fmt: skip
 _send_files_option = click.option("--send-files", is_flag=True,
                                   help="The workers of the cluster do not see these folders: send the files of every "
                                        "campaign, and fetch its results.")  # fmt: skip
@@ -311,7 +312,7 @@ def recalibrate(
 @_output_option
 @_command
 def index(screen: Console, errors: Console, path: Path, output: Path) -> int:
-    """Parquet tables of all campaigns, for queries by DuckDB or pandas; needs sysid[parquet]."""
+    """Parquet tables of all campaigns, for queries by DuckDB or pandas; needs truck-sysid[parquet]."""
     from sysid.fleet.index import write_index
 
     screen.print(str(write_index(_read(path, errors), output)), markup=False)

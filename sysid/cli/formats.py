@@ -46,7 +46,7 @@ def _table() -> TextTable:
     table = TextTable("Formats of logs", ("format", "suffixes", "state", "to install"))
     for known in FORMATS:
         there = installed(known.libraries)
-        command = "" if there or known.extra is None else f"python -m pip install 'sysid[{known.extra}]'"
+        command = "" if there or known.extra is None else f"python -m pip install 'truck-sysid[{known.extra}]'"
         table.add_row(
             f"{known.name}: {_noun(known)}", " ".join(known.suffixes), "ready" if there else "missing", command
         )

@@ -19,6 +19,7 @@ from sysid.cli.fleet_help import FLEET_HELP
 from sysid.cli.invocation import MODULE
 from sysid.cli.later import LaterGroup
 from sysid.runtime import own_process
+from sysid.version import VERSION
 from sysid.workflow.stage import Option
 from sysid.workflow.stages import RECORDS
 
@@ -58,9 +59,7 @@ class _InOrder(click.Group):
 
 def _show_version(context: click.Context, option: click.Parameter, wanted: bool) -> None:
     if wanted and not context.resilient_parsing:
-        from sysid.workflow.versions import versions
-
-        click.echo(f"sysid {versions()['sysid']}")
+        click.echo(f"sysid {VERSION}")
         context.exit()
 
 

@@ -109,7 +109,7 @@ def cluster_executor(address: str, patience_s: float = 0.0) -> Iterator[ClusterW
         from distributed import Client
     except ImportError as error:
         raise CampaignError(
-            "--scheduler needs dask.distributed; install it by pip install 'sysid[cluster]'."
+            "--scheduler needs dask.distributed; install it by pip install 'truck-sysid[cluster]'."
         ) from error
     end = time.monotonic() + patience_s
     while True:

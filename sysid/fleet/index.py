@@ -62,7 +62,7 @@ def _write(rows: Iterable[Row], folder: Path, output: Path) -> None:
         import pyarrow as pa
         import pyarrow.parquet as pq
     except ImportError as error:
-        remedy = "install it by pip install 'sysid[parquet]'"
+        remedy = "install it by pip install 'truck-sysid[parquet]'"
         raise CampaignError(f"The tables of a fleet need pyarrow; {remedy}.") from error
     kinds = {"string": pa.string(), "double": pa.float64(), "int64": pa.int64(), "bool": pa.bool_()}
     kinds["list<double>"] = pa.list_(pa.float64())

@@ -70,7 +70,7 @@ def _spec(library: str) -> bool:
 def _check_installed(label: str, title: str, libraries: tuple[str, ...], extra: str | None) -> None:
     missing = [library for library in libraries if not _spec(library)]
     if missing:
-        package = f"'sysid[{extra}]'" if extra else missing[0]
+        package = f"'truck-sysid[{extra}]'" if extra else missing[0]
         raise CampaignError(
             f"{label} is {title}, which takes the package {missing[0]} to read; python -m pip install {package}, or "
             "export the log as CSV."

@@ -28,7 +28,7 @@ def test_all_formats_are_listed_with_their_state(monkeypatch: pytest.MonkeyPatch
         assert f"{known.name}: " in found.output
     assert "missing" not in found.output
     monkeypatch.setattr(command, "installed", lambda libraries: "asammdf" not in libraries)
-    assert "pip install 'sysid[mdf]'" in run().output
+    assert "pip install 'truck-sysid[mdf]'" in run().output
 
 
 def test_format_and_channels_of_files(tmp_path: Path) -> None:

@@ -238,7 +238,7 @@ def test_without_a_cluster_its_absence_is_one_sentence(tmp_path: Path, monkeypat
     words = ["fleet", str(tmp_path), "--output", str(tmp_path / "out"), "--scheduler", "tcp://127.0.0.1:1"]
     result = CliRunner().invoke(cli, words)
     assert result.exit_code == 2
-    assert "pip install 'sysid[cluster]'" in result.stderr
+    assert "pip install 'truck-sysid[cluster]'" in result.stderr
 
 
 NAMES_OF_FOLDERS = (

@@ -213,7 +213,7 @@ def test_a_missing_extra_is_named(log_format, monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(CampaignError) as error:
         log_format.read(InputFile(Path("log.bin"), b""), "log.bin", LogRequest(("q",)))
     text = str(error.value)
-    assert f"pip install 'sysid[{log_format.extra}]'" in text
+    assert f"pip install 'truck-sysid[{log_format.extra}]'" in text
     assert text.endswith(".")
     assert "\n" not in text
 
