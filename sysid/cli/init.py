@@ -32,7 +32,7 @@ def run_init(folder: Path, vehicle: str | None, output: Path | None, force: bool
         with StageProgress(errors) as progress:
             progress.stage("init")
             look = first_look(folder, vehicle, progress.update)
-        text = campaign_text(look, shorten(folder.resolve().name, 60), shorten(target, 80), prefix)
+        text = campaign_text(look, shorten(folder.resolve().name, 60), command_line("check", target), prefix)
         _write(target, text)
         _show(screen, look, target, text)
         return 0

@@ -22,27 +22,27 @@ _HEAD = """\
 #
 # What to do: give every value that says "TODO" (in place of the text in quotes), and look at every line that says
 # "TODO confirm": there a guess is not supported by both the name and the behaviour of a column.  Then
-#     python calibrate.py check {output}
+#     {command}
 # lists what is left.  Numbers marked "assumed" are typical ones: put your own where you know them.
 # SI units unless a key or a sensor says otherwise; x_m is the distance behind axle 1: see docs/campaign-format.md
 schema = 1
 """
 
 
-def campaign_text(look: FirstLook, folder: str, output: str, prefix: str = "") -> str:
+def campaign_text(look: FirstLook, folder: str, command: str, prefix: str = "") -> str:
     """The text of a campaign file.
 
     Parameters
     ----------
     look
         What was found.
-    folder, output
-        Names of the folder and of the file, for comments.
+    folder, command
+        Name of the folder, and the command that checks the file, for comments.
     prefix
         Path from the campaign file to the folder, empty or with a slash at its end.
     """
     parts = [
-        _HEAD.format(folder=folder, output=output),
+        _HEAD.format(folder=folder, command=command),
         section("campaign", [f"title = {quoted(f'Campaign in {folder}')}"]),
         vehicle_text(look),
         *(load_case_text(look, name, case) for name, case in look.load_cases.items()),

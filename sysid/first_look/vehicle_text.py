@@ -49,15 +49,28 @@ def _axle_lines(look: FirstLook, chosen: Template, index: int, axle: Mapping[str
 
 
 def _position(look: FirstLook, chosen: Template, index: int) -> tuple[float, str]:
+    """Position of an axle, and what is said of it: all positions that rest on one thing are confirmed together."""
+    value, said, own = _position_alone(look, chosen, index)
+    if own:
+        return value, f"{CONFIRM}: {said}; measure it"
+    together = [i for i in range(1, len(chosen.axles)) if not _position_alone(look, chosen, i)[2]]
+    if index != together[0]:
+        return value, said
+    whose = f"axle{'s' * (len(together) > 1)} {', '.join(str(i + 1) for i in together)}"
+    return value, f"{CONFIRM}: x_m of {whose}, {said}; measure"
+
+
+def _position_alone(look: FirstLook, chosen: Template, index: int) -> tuple[float, str, bool]:
+    """Position [m], where it comes from, and whether it has to be confirmed by itself: something speaks against it."""
     assumed = chosen.positions_m[index]
     if look.measured_m is None:
-        return assumed, f"{CONFIRM}: assumed; measure it"
+        return assumed, "assumed", False
     measured = look.measured_m[index]
-    if look.template_given:
-        near = abs(measured - assumed) < max(0.15, 0.04 * assumed)
-        so = "arrivals agree" if near else f"arrivals at the speeds in the names say {measured:.2f}"
-        return assumed, f"{CONFIRM}: assumed, {so}; measure it"
-    return round(measured, 2), f"{CONFIRM}: by arrivals at the speeds in the names; measure it"
+    if not look.template_given:
+        return round(measured, 2), "by arrivals at the speeds in the names", False
+    if abs(measured - assumed) < max(0.15, 0.04 * assumed):
+        return assumed, "assumed, arrivals agree", False
+    return assumed, f"assumed, arrivals at the speeds in the names say {measured:.2f}", True
 
 
 def _unknown_vehicle(look: FirstLook) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import tomllib
 from pathlib import Path
@@ -33,6 +34,15 @@ def folder(tmp_path: Path) -> Path:
 
 def run(*arguments: object):
     return CliRunner().invoke(cli, ["init", *map(str, arguments)], env={"COLUMNS": "200"})
+
+
+def test_the_command_in_the_file_can_be_pasted(folder: Path) -> None:
+    spaced = folder.rename(folder.with_name("my truck"))
+    assert run(spaced).exit_code == 0
+    (line,) = (
+        line for line in (spaced / "campaign.toml").read_text(encoding="utf-8").splitlines() if " check " in line
+    )
+    assert shlex.split(line.removeprefix("#"))[-2:] == ["check", str(spaced / "campaign.toml")]
 
 
 def test_a_campaign_file_is_begun_and_told(folder: Path) -> None:
