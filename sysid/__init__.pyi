@@ -1,5 +1,6 @@
 from . import plot as plot
 from .campaign import Campaign as Campaign
+from .campaign import changed_campaign as changed_campaign
 from .campaign import check_quality as check_quality
 from .campaign import read_campaign as read_campaign
 from .comparison import compare as compare

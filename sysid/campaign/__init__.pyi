@@ -1,3 +1,4 @@
+from .changed import changed_campaign as changed_campaign
 from .findings import ChannelFinding as ChannelFinding
 from .findings import QualityReport as QualityReport
 from .findings import Verdict as Verdict

@@ -2,6 +2,7 @@ from .log_density import LIKELIHOOD as LIKELIHOOD
 from .log_density import LogDensity as LogDensity
 from .moves import LaplaceMove as LaplaceMove
 from .moves import posterior_moves as posterior_moves
+from .named_density import NamedDensity as NamedDensity
 from .options import SamplingOptions as SamplingOptions
 from .sampled_posterior import Posterior as Posterior
 from .sampled_posterior import PosteriorSummary as PosteriorSummary

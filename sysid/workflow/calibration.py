@@ -26,6 +26,7 @@ from sysid.workflow.runner import NO_OPTIONS, Runner, begin_helper_ahead, breakd
 from sysid.workflow.settings import Settings, make_settings
 from sysid.workflow.stage import Aside, Ending, Itemwise, Notice, Stage, Whole
 from sysid.workflow.stage_folder import SUCCESS_MARKER, StageFolder, dependents
+from sysid.workflow.stages.fit import fit_state
 
 if TYPE_CHECKING:
     from sysid.estimates.calibrated_elements import CalibratedVehicle
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from sysid.estimation.fit.profiles import ProfileLikelihood
     from sysid.estimation.residuals.run_history import RunHistory
     from sysid.planning.advice_records import Advice
+    from sysid.posterior.named_density import NamedDensity
     from sysid.posterior.sampled_posterior import Posterior
     from sysid.prediction.predicted_passes import Predictions
     from sysid.road.road_profile import ScanAnalysis
@@ -243,6 +245,16 @@ class Calibration:
         continued too.
         """
         return self.result(stages.SAMPLE)
+
+    def density(self) -> NamedDensity:
+        """The density that :meth:`sample` draws from as a function of values, and what they simulate.
+
+        For residuals, priors, optimisers and samplers of somebody's own; the fit runs first.
+        """
+        from sysid.posterior.named_density import NamedDensity
+
+        histories = self.fit().histories
+        return NamedDensity(fit_state(self._runner.context(stages.SAMPLE, {}, at_once=False)), histories)
 
     def histories(self) -> tuple[RunHistory, ...]:
         """Measured against simulated histories of every run, with posterior bands where it has been sampled."""

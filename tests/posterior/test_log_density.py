@@ -17,6 +17,7 @@ from sysid.estimation.residuals.run_motion import SHIFT_UNIT_M, SPEED_UNIT
 from sysid.estimation.residuals.signals import simulate_group
 from sysid.estimation.uncertainty.integrated_unknowns import nothing_integrated
 from sysid.posterior.log_density import LogDensity, _common_slope, _principal_axes
+from sysid.posterior.named_density import NamedDensity
 from sysid.vehicle_model.engines.reference import REFERENCE
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.readings import standardised_residuals
@@ -220,3 +221,31 @@ def test_the_linear_term_is_what_both_sides_have_in_common():
     corner = points @ slope + 300.0 * np.minimum(0.0, across * np.sign(first @ slope) + 1e-6)
     found = _common_slope(corner, axes)
     np.testing.assert_allclose(found, slope, rtol=1e-9)
+
+
+def test_the_density_by_names_takes_a_residual_of_ones_own(fit: SyntheticFit) -> None:
+    named = NamedDensity(fit.state, fit.result.histories)
+    at = named.names.index("k_1")
+    sd = float(np.sqrt(named.log_covariance[at, at]))
+    along = named.log_covariance[:, at] / sd  # how all others follow it
+    steps = np.array([-1.0, 0.0, 1.0, 1.5, 2.0, 3.0])
+    points = named.optimum * np.exp(steps[:, None] * along)
+    # A rig has measured k_1 as well as the runs, three of these standard deviations higher: the mean is half way.
+    own = -0.5 * ((np.log(points[:, at] / named.optimum[at]) - 3.0 * sd) / sd) ** 2
+    assert steps[np.argmax(named(points) + own)] == 1.5
+    assert steps[np.argmax(named(points))] == 0.0
+
+
+def test_readings_of_named_values_are_those_of_the_records(fit: SyntheticFit) -> None:
+    named = NamedDensity(fit.state, fit.result.histories)
+
+    def squares(values: np.ndarray) -> float:
+        runs = named.simulate(values)
+        assert [run.file for run in runs] == [run.log.file for run in fit.campaign.bump_runs]
+        off = [((run.measured - run.simulated) / run.noise_sd[:, None])[run.censored == 0] for run in runs]
+        return float(np.nanmean(np.concatenate(off) ** 2))
+
+    assert squares(named.optimum) == pytest.approx(1.0, abs=0.2)
+    assert squares(named.values({"k_1": 1.5 * named.optimum[named.names.index("k_1")]})) > 1.5
+    with pytest.raises(KeyError, match="k_77"):
+        named.values({"k_77": 1.0})
