@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 
 from sysid.display import CommandHint, TextTable
 from sysid.numbers import count, fixed
-from sysid.results.headline import answer_words, estimate_words, in_thousands, largest_loads, suspension_rows
+from sysid.results.headline import (
+    answer_words,
+    estimate_words,
+    higher_elsewhere,
+    in_thousands,
+    largest_loads,
+    suspension_rows,
+)
 from sysid.results.judgement import judge
 from sysid.workflow.stage import Blocks
 
@@ -68,6 +75,8 @@ def _loads(results: Results) -> Iterator[TextTable | str]:
     yield table
     if any(load.beyond for load in loads):
         yield "* beyond what the driven runs reached: an extrapolation."
+    if more := higher_elsewhere(results):
+        yield more
 
 
 def _next(results: Results) -> CommandHint:

@@ -15,12 +15,18 @@ from sysid.numbers import MISSING, count, decimals, fixed, listing, number, spee
 from sysid.report.figures import Gallery, Picture, run_words
 from sysid.report.load_tables import sweep_name
 from sysid.results import Results
-from sysid.results.headline import PeakLoad, SuspensionRow, largest_loads, suspension_rows
+from sysid.results.headline import (
+    PeakLoad,
+    SuspensionRow,
+    higher_elsewhere,
+    largest_loads,
+    static_loads_N,
+    suspension_rows,
+)
 
 if TYPE_CHECKING:
     from sysid.estimates.suspension_values import Estimate
     from sysid.estimation.residuals.run_history import RunHistory
-    from sysid.prediction.predicted_passes import SpeedSweep
     from sysid.validation.channel_agreement import ChannelAgreement
 
 
@@ -60,9 +66,11 @@ def truck_rows(results: Results) -> TruckRows:
     kinds = dict.fromkeys(e.kind for row in of_axles for e in (row.stiffness, row.damping) if e)
     caption = f"k, c and loads are of both sides of an axle together; ± is half of the {listing(list(kinds))}."
     if loads:
-        caption += " Peak load: the largest of the predicted passes" + (
+        caption += " Peak load: the largest of the passes that were asked for; shaded: the largest of all axles" + (
             "; * an extrapolation beyond the driven runs." if any(load.beyond for load in loads) else "."
         )
+        if more := higher_elsewhere(results):
+            caption += f" {more}"
     return TruckRows(rows, highest, caption)
 
 
@@ -145,9 +153,3 @@ def speed_picture(results: Results, gallery: Gallery) -> list[Picture]:
     )
     draws = partial(plot.axle_load_against_speed, sweep, static_loads_N(results, sweep))
     return [gallery.picture(draws, caption, width="half")]
-
-
-def static_loads_N(results: Results, sweep: SpeedSweep) -> np.ndarray:
-    """Static axle loads (axles,) [N] of a sweep's load case, from the scales."""
-    kilograms = results.campaign.load_cases[sweep.load_case].axle_loads_kg
-    return results.campaign.vehicle.gravity_m_s2 * np.asarray(kilograms, dtype=float)

@@ -25,7 +25,7 @@ from sysid.report.figures import representative_run, run_words
 from sysid.report.load_tables import sweep_name
 from sysid.report.verdict import verdict
 from sysid.results import Results
-from sysid.results.headline import peak_loads
+from sysid.results.headline import peak_loads, static_loads_N
 from sysid.wording import plain_line
 
 if TYPE_CHECKING:
@@ -198,10 +198,9 @@ def _pictures(page: _Page, results: Results) -> None:
     passes = () if results.predictions is None else results.predictions.passes
     place = _SIDE + 0.4 + width + gap
     if sweeps:
-        statics = first_screen.static_loads_N
-        sweep = max(sweeps, key=lambda s: float(np.nanmax(statics(results, s) * s.peak_ratio.q50)))
+        sweep = max(sweeps, key=lambda s: float(np.nanmax(static_loads_N(results, s) * s.peak_ratio.q50)))
         ax = page.axes(place, width - 0.4, height, above)
-        plot.axle_load_against_speed(sweep, statics(results, sweep), ax)
+        plot.axle_load_against_speed(sweep, static_loads_N(results, sweep), ax)
         # The keys stand above the curves, wherever these rise.
         ax.set_ylim(0.0, 1.3 * ax.get_ylim()[1])
         ax.legend(loc="upper left", ncols=2, fontsize=5.5)

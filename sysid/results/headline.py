@@ -7,14 +7,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sysid.display import NOT_DETERMINED
 from sysid.estimates.suspension_values import AxleEstimates, Estimate
-from sysid.numbers import MISSING, decimals, fixed
+from sysid.numbers import MISSING, decimals, fixed, speed
 from sysid.results.contents import Judgement, Results, Trust
 from sysid.results.pass_limits import pass_name
 
 if TYPE_CHECKING:
-    from sysid.prediction.predicted_passes import PassPrediction
+    from sysid.prediction.predicted_passes import PassPrediction, SpeedSweep
+
+#: An axle load at another speed is told from this multiple of the largest predicted one on.
+_HIGHER = 1.05
 
 _ANSWERS: dict[Trust, str] = {
     "use": "Yes",
@@ -126,3 +131,30 @@ def largest_loads(results: Results) -> tuple[PeakLoad, ...]:
     passes = () if results.predictions is None else results.predictions.passes
     of_axles = zip(*(peak_loads(p) for p in passes), strict=True)
     return tuple(max(of_axle, key=lambda load: load.peak_N) for of_axle in of_axles)
+
+
+def static_loads_N(results: Results, sweep: SpeedSweep) -> np.ndarray:
+    """Static axle loads (axles,) [N] of a sweep's load case, from the scales."""
+    kilograms = results.campaign.load_cases[sweep.load_case].axle_loads_kg
+    return results.campaign.vehicle.gravity_m_s2 * np.asarray(kilograms, dtype=float)
+
+
+def higher_elsewhere(results: Results) -> str:
+    """A sentence where an axle carries more at another speed than in any of the predicted passes; else empty."""
+    known = largest_loads(results)
+    if not known or results.predictions is None:
+        return ""
+    found = []
+    for sweep in results.predictions.sweeps:
+        loads = static_loads_N(results, sweep) * sweep.peak_ratio.q50
+        k, axle = np.unravel_index(np.nanargmax(loads), loads.shape)
+        beyond = bool(sweep.extrapolated[k]) or (sweep.beyond is not None and bool(sweep.beyond[k, axle]))
+        found.append((float(loads[k, axle]), int(axle), sweep.load_case, float(sweep.speed_m_s[k]), beyond))
+    highest, axle, case, at_m_s, beyond = max(found, default=(0.0, 0, "", 0.0, False))
+    if highest <= _HIGHER * max(load.peak_N for load in known):
+        return ""
+    so = ", an extrapolation" if beyond else ""
+    return (
+        f"Loads are higher at other speeds: up to {fixed(highest / 1e3, 0)} kN on axle {axle + 1} "
+        f"({case}, {speed(at_m_s)} km/h{so})."
+    )

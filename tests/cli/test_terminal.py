@@ -8,6 +8,7 @@ import re
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from sysid.cli.main import cli
 from sysid.cli.progress import StageProgress, TimeLeft, time_words
 from sysid.cli.tables import render, short_names, show_command
 from sysid.display import TextTable
+from sysid.prediction.quantiles import Quantiles
 from sysid.results import Results
 from sysid.workflow.stages.data import quality_blocks
 
@@ -159,6 +161,15 @@ def test_the_answer_has_k_c_peak_load_verdict_report_and_next_command() -> None:
     shown = re.search(r"([\d.,]+) ± ([\d.]+)", line)
     assert shown is not None
     np.testing.assert_allclose([float(shown[1]), float(shown[2])], [stiffness[0].value / 1e3, half], rtol=0.02)
+    # The sweep ends at 60 km/h with 1 + 0.2 * 60 / 3.6 times the static load of axle 2.
+    highest = (1.0 + 0.2 * 60.0 / 3.6) * results.campaign.load_cases[p[0].load_case].axle_loads_kg[1]
+    kilonewton = highest * results.campaign.vehicle.gravity_m_s2 / 1e3
+    shown = re.search(r"up to (\d+) kN on axle 2 \(\w+,\s+60 km/h,\s+an\s+extrapolation\)", text)
+    assert shown is not None
+    assert float(shown[1]) == pytest.approx(kilonewton, abs=0.5)
+    (sweep,) = results.predictions.sweeps
+    flat = replace(sweep, peak_ratio=Quantiles(None, np.ones_like(sweep.peak_ratio.q50), None))
+    assert "higher at other" not in answer(replace(results, predictions=replace(results.predictions, sweeps=(flat,))))
     assert "Can you use k and c?" in text
     assert "out/report.html" in text.replace("\\", "/")
     assert "calibrate.py" in text.splitlines()[-1]
