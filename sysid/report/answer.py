@@ -33,6 +33,8 @@ def answer_table(results: Results) -> Table | None:
         peak = [] if results.predictions is None else [Cell("") if load is None else _peak(load)]
         rows.append([axle_name(results, row.axle, row.load_case), *(_cell(e) for e in pair), *peak])
     caption = f"Per axle, both sides together; brackets: {listing(list(kinds))}"
+    if any(load.beyond for load in largest_loads(results)):
+        caption += "; * an extrapolation beyond the driven runs"
     head = ("axle", "k [kN/m]", "c [kN s/m]", *(() if results.predictions is None else ("peak load [kN]",)))
     return table(caption, head, rows, classes="answer-table")
 
@@ -40,7 +42,9 @@ def answer_table(results: Results) -> Table | None:
 def _peak(load: PeakLoad) -> Cell:
     places = decimals(load.peak_N / 1e3)
     low, high = (None if end is None else end / 1e3 for end in (load.low_N, load.high_N))
-    return Cell(fixed(load.peak_N / 1e3, places), interval(low, high, places), f"of {load.static_N / 1e3:.1f} static")
+    text = fixed(load.peak_N / 1e3, places) + ("*" if load.beyond else "")
+    # A row may be of another load case than the pass.
+    return Cell(text, interval(low, high, places), f"{load.pass_name}, {load.static_N / 1e3:.1f} static")
 
 
 def _cell(e: Estimate | None) -> Cell:

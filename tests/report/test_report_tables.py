@@ -84,6 +84,15 @@ def test_peak_wheel_load_is_ratio_times_static_load():
     assert "predictions/empty_48kmh.csv" in made.caption
 
 
+def test_a_peak_load_names_its_pass_because_its_row_may_be_of_another_load_case():
+    made = answer.answer_table(small_results())
+    front, rear = (next(row for row in made.rows if row[0].text == f"axle {i}") for i in (1, 2))
+    # 3.6 x 29.43 kN, and a wheel that lifts off as none did.
+    assert (rear[3].text, rear[3].note) == ("106*", "empty, 48 km/h, 29.4 static")
+    assert "*" not in front[3].text
+    assert made.caption.endswith("* an extrapolation beyond the driven runs")
+
+
 def test_what_goes_beyond_the_driven_runs_stands_beside_what_was_driven():
     (made,) = load_tables.trust_tables(small_results())
     assert [c.text for c in made.rows[0][1:]] == ["within"] * 5
