@@ -21,7 +21,7 @@ ROOT = Path(sysid.__file__).resolve().parent
 
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
-    {"errors", "limits"},
+    {"errors", "limits", "version"},
     {"arrays", "files", "helper_child", "private_files", "progress", "read_worker", "wording"},
     {
         "array_file",
@@ -64,6 +64,7 @@ ROOMS = {
 NO_ROOM = {
     "campaign": {
         "bridges",
+        "changed",
         "clipping",
         "declared",
         "factors",

@@ -21,12 +21,15 @@ class LaterGroup(click.Group):
         return group
 
     def list_commands(self, context: click.Context) -> list[str]:
+        """Names of the commands of the group."""
         return self.whole().list_commands(context)
 
     def get_command(self, context: click.Context, name: str) -> click.Command | None:
+        """A command of the group by its name."""
         return self.whole().get_command(context, name)
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
     ) -> click.Context:
+        """A context of the group, which then runs."""
         return self.whole().make_context(info_name, args, parent, **extra)

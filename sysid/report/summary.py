@@ -173,7 +173,7 @@ def _truck(page: _Page, results: Results) -> None:
     plot.truck(results.campaign.vehicle, rows.texts, rows.highest, ax)
     page.top += height + 0.05
     for line in textwrap.wrap(rows.caption, 128):
-        page.text(_SIDE, line, 7.0, _MUTED)
+        page.text(_SIDE, plot.label(line, 140), 7.0, _MUTED)
         page.top += 0.13
     page.top += 0.12
 

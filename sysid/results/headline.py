@@ -146,15 +146,15 @@ def higher_elsewhere(results: Results) -> str:
         return ""
     found = []
     for sweep in results.predictions.sweeps:
-        loads = static_loads_N(results, sweep) * sweep.peak_ratio.q50
-        k, axle = np.unravel_index(np.nanargmax(loads), loads.shape)
+        loads = np.nan_to_num(static_loads_N(results, sweep) * sweep.peak_ratio.q50, nan=0.0, posinf=0.0)
+        k, axle = map(int, np.unravel_index(np.argmax(loads), loads.shape))
         beyond = bool(sweep.extrapolated[k]) or (sweep.beyond is not None and bool(sweep.beyond[k, axle]))
-        found.append((float(loads[k, axle]), int(axle), sweep.load_case, float(sweep.speed_m_s[k]), beyond))
-    highest, axle, case, at_m_s, beyond = max(found, default=(0.0, 0, "", 0.0, False))
+        found.append((float(loads[k, axle]), axle, sweep.load_case, float(sweep.speed_m_s[k]), beyond))
+    highest, i, case, at_m_s, beyond = max(found, default=(0.0, 0, "", 0.0, False))
     if highest <= _HIGHER * max(load.peak_N for load in known):
         return ""
     so = ", an extrapolation" if beyond else ""
     return (
-        f"Loads are higher at other speeds: up to {fixed(highest / 1e3, 0)} kN on axle {axle + 1} "
+        f"Loads are higher at other speeds: up to {fixed(highest / 1e3, 0)} kN on axle {i + 1} "
         f"({case}, {speed(at_m_s)} km/h{so})."
     )

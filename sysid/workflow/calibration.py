@@ -44,6 +44,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+#: What the command line calls on a calibration, and nobody else.
+_OF_COMMANDS = ("again", "aside", "stale_after", "write_aside")
+
 
 class Calibration:
     """One campaign and one output folder.
@@ -109,7 +112,7 @@ class Calibration:
 
     def __dir__(self) -> list[str]:
         """What a user calls, without what Python adds to every object."""
-        return [name for name in super().__dir__() if not name.startswith("_")]
+        return [name for name in super().__dir__() if not name.startswith("_") and name not in _OF_COMMANDS]
 
     @property
     def campaign(self) -> Campaign:

@@ -88,7 +88,7 @@ def test_a_peak_load_names_its_pass_because_its_row_may_be_of_another_load_case(
     made = answer.answer_table(small_results())
     front, rear = (next(row for row in made.rows if row[0].text == f"axle {i}") for i in (1, 2))
     # 3.6 x 29.43 kN, and a wheel that lifts off as none did.
-    assert (rear[3].text, rear[3].note) == ("106*", "empty, 48 km/h, 29.4 static")
+    assert (rear[3].text, rear[3].note) == ("106*", "empty, 48\u00a0km/h, 29.4 static")
     assert "*" not in front[3].text
     assert made.caption.endswith("* an extrapolation beyond the driven runs")
 
