@@ -108,10 +108,14 @@ def _against(results: Results) -> list[Reason]:
 
 def _unexplained(results: Results) -> list[Reason]:
     """Why values may be wrong by more than their intervals."""
+    from sysid.estimation.uncertainty.part_agreement import ACCEPTED
+
     reasons = []
     if results.fit is not None:
         if forbidding := [d for d in results.fit.parts if d.forbids]:
             reasons.append(Reason("parts_disagree", _disagreement(forbidding)))
+        elif any(d.scatter > ACCEPTED[d.quantity] for d in results.fit.parts):
+            reasons.append(Reason("parts_disagree", f"{_scatter(results.fit.parts)} Values may be wrong by more."))
         elif is_misfit(results.fit.misfit) and (untold := _untold(results)):
             reasons.append(
                 Reason(
@@ -148,6 +152,13 @@ def _disagreement(differences: Iterable[PartDifference]) -> str:
         f"Parts of the data disagree: {'; '.join(clauses)}. The truck does something that the model does not describe, "
         "and values may be wrong by more than their intervals."
     )
+
+
+def _scatter(differences: Iterable[PartDifference]) -> str:
+    """By how much parts of the data scatter beyond chance, in a sentence; every quantity once."""
+    found = {d.quantity: d.scatter for d in differences if d.scatter > 0.0}
+    clauses = [f"{symbol} by {percent(found[q])}" for q, symbol in _SYMBOLS if q in found]
+    return f"Parts of the data scatter by more than chance: {listing(clauses)} (standard deviation)."
 
 
 #: Elements of laws that the force balance knows, too: with others, its k and c are those of another truck.
@@ -220,6 +231,9 @@ def _limits(results: Results) -> list[Reason]:
         if widened := [d for d in results.fit.parts if d.seen and not d.forbids]:
             sentence = _disagreement(widened).split(". ")[0]
             reasons.append(Reason("parts_disagree", f"{sentence}. The intervals are widened by as much."))
+        elif not any(d.forbids for d in results.fit.parts) and any(d.scatter > 0.0 for d in results.fit.parts):
+            sentence = f"{_scatter(results.fit.parts)} The intervals are widened by half as much."
+            reasons.append(Reason("parts_disagree", sentence))
     if results.quality is not None:
         reasons += [Reason("doubtful_input", s) for s in results.quality.contradictions]
     if names := unidentified_values(results):

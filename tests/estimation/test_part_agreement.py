@@ -91,6 +91,35 @@ def test_a_truck_that_changes_with_speed_is_seen(columns):
     assert not found.rows[:, 2].any()
 
 
+def test_scatter_is_what_fits_to_parts_differ_by_beyond_chance(columns):
+    """Every block has a k of its own: the variance that NumPy's fits show beyond the sd, and half of it in every k."""
+    random = np.random.default_rng(6)
+    scatter, beyond, least = [], [], []
+    for _ in range(150):
+        truth, shown = random.normal(size=5) * ALL_SD, []
+        for c in columns:
+            own = truth + np.array([0.2 * random.normal(), 0, 0, 0, 0])
+            shown.append(c @ own + random.normal(size=len(c)))
+        found = agreement(columns, shown)
+        of_k = [d for d in found.differences if d.parameter == "k_1"]
+        scatter.append(of_k[0].scatter)
+        for d in of_k:
+            inside = [i for i, b in enumerate(BLOCKS) if DIVISIONS[d.part](b)]
+            outside = [i for i in range(len(BLOCKS)) if i not in inside]
+            apart = least_squares(columns, shown, inside) - least_squares(columns, shown, outside)
+            beyond.append(apart[0] ** 2 - d.sd**2)
+        least.append(np.sum(found.rows[:, 0] ** 2) - 0.25 * scatter[-1] ** 2)
+    assert np.mean(np.square(scatter)) == pytest.approx(np.mean(beyond), rel=0.05)
+    assert np.mean(np.array(scatter) > 0.0) > 0.8
+    assert min(least) > -1e-12
+
+
+def test_scatter_of_a_right_model_is_called_none_but_in_one_of_a_hundred_campaigns(columns):
+    random = np.random.default_rng(2)
+    drawn = [agreement(columns, readings(columns, random)).differences for _ in range(400)]
+    assert np.mean([any(d.scatter > 0.0 for d in ds) for ds in drawn]) < 0.03
+
+
 def test_one_part_has_nothing_to_be_compared_with(columns):
     blocks = [Block("empty", speed_m_s=2.0, channel=0, sensor="axle_acceleration"), Block("empty")]
     found = part_agreement(PARAMETERS, blocks, np.zeros((2, 5)), np.zeros((2, 5, 5)), np.eye(3), FURTHER_SD)

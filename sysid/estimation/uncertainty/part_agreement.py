@@ -6,18 +6,31 @@ to B alone F_B g_A, with F = (H + P)^-1. If the model is right, the difference o
 
     d = F_A g_B - F_B g_A    scatters by    V = F_A + F_B - F_A P F_B - F_B P F_A:
 
-both share the priors, so what these say cancels. A model that lacks something of the truck takes other values to
-explain slow runs than fast ones, an empty truck than a laden one, accelerations than deflections. How far they are
-apart does not depend on the noise of the sensors, only how well it is seen.
+both share the priors, so what these say cancels. Differences of all divisions together scatter by
+
+    V_jl = sum over blocks of C_j H C_l' + (F_A - F_B)_j P (F_A - F_B)_l',    C = -F_A for blocks of A, F_B of B.
+
+What they scatter more is what the model lacks, and is seen in many small differences before it is seen in one. With the
+sum Q of the squares of n differences over their variances, a further variance of all of them
+
+    tau^2 = (Q - n) / sum of 1 / V_jj
+
+(R. DerSimonian and N. Laird, Meta-analysis in clinical trials, Controlled Clinical Trials 7 (1986),
+doi:10.1016/0197-2456(86)90046-2). It counts where Q is larger than chance makes it, by a chi-square with the mean and
+variance of Q (F. E. Satterthwaite 1946, doi:10.2307/3002019). A model that lacks something of the truck takes other
+values to explain slow runs than fast ones, an empty truck than a laden one, accelerations than deflections. How far
+they are apart does not depend on the noise of the sensors, only how well it is seen.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
+from typing import TypeAlias
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
 from sysid.arrays import ParametersByParameters
 from sysid.campaign.records import SensorKind
@@ -58,7 +71,8 @@ class Block:
 class PartDifference:
     """By how much a parameter differs between a `part` of the data and the `rest`, logarithms: `difference`, `sd`.
 
-    `least_seen`: what is more than chance, over all differences that are looked at.
+    `least_seen`: what is more than chance, over all differences that are looked at. `scatter`: standard deviation of
+    all differences of the quantity beyond chance, 0 where they show none.
     """
 
     part: str
@@ -68,6 +82,7 @@ class PartDifference:
     difference: float
     sd: float
     least_seen: float
+    scatter: float = 0.0
 
     @property
     def seen(self) -> bool:
@@ -84,7 +99,8 @@ class PartDifference:
 class PartAgreement:
     """All `differences`, and `rows` (k, p) whose squares they add to the covariance of the p parameters.
 
-    Either part may be the right one: a difference that is seen adds half of itself as a standard deviation.
+    Either part may be the right one: a difference that is seen adds half of itself as a standard deviation, and every
+    parameter has at least half of the scatter.
     """
 
     differences: tuple[PartDifference, ...]
@@ -111,7 +127,7 @@ def part_agreement(
     compared = [i for i, p in enumerate(parameters) if p.quantity in ACCEPTED]
     none = np.zeros(scores.shape[1:] * 2)
     of_priors = NormalEquations.of(none, prior=prior, sd=sd)
-    found = []
+    found, divisions = [], []
     for part, rest, inside in _parts(blocks):
         of_part, of_rest = (
             NormalEquations.of(information[m].sum(axis=0), scores[~m].sum(axis=0), prior=prior, sd=sd)
@@ -122,15 +138,65 @@ def part_agreement(
         both = of_part.covariance @ _in_units(of_priors) @ of_rest.covariance
         spread = of_part.variances + of_rest.variances - 2.0 * np.diag(both)
         found.append((part, rest, difference[compared], np.sqrt(np.maximum(spread[compared], 0.0))))
+        divisions.append(((inside, -of_part.covariance[compared]), (~inside, of_rest.covariance[compared])))
     edge = norm.isf(0.5 * CHANCE / max(len(found) * len(compared), 1))
+    together = _covariance(divisions, information, _in_units(of_priors))
+    scatter = _scatter(
+        np.array([d for _, _, difference, _ in found for d in difference]),
+        together,
+        np.array([parameters[i].quantity for i in compared] * len(found)),
+    )
     differences, rows = [], np.zeros((len(found), len(parameters)))
     for row, (part, rest, difference, spread) in zip(rows, found, strict=True):
         row[compared] = np.where(np.abs(difference) > edge * spread, 0.5 * difference, 0.0)
         differences += [
-            PartDifference(part, rest, parameters[i].name, parameters[i].quantity, float(d), float(s), float(edge * s))
-            for i, d, s in zip(compared, difference, spread, strict=True)
+            PartDifference(part, rest, p.name, p.quantity, float(d), float(s), float(edge * s), scatter[p.quantity])
+            for p, d, s in zip((parameters[i] for i in compared), difference, spread, strict=True)
         ]
+    missing = [0.25 * scatter.get(p.quantity, 0.0) ** 2 for p in parameters] - np.sum(rows**2, axis=0)
+    rows = np.concatenate([rows, np.diag(np.sqrt(np.maximum(missing, 0.0)))])
     return PartAgreement(tuple(differences), rows[rows.any(axis=1)])
+
+
+#: Blocks of a part, and how a difference follows from their scores: rows (k, n).
+Side: TypeAlias = tuple[np.ndarray, np.ndarray]
+
+
+def _covariance(
+    divisions: Sequence[tuple[Side, Side]], information: np.ndarray, precision: np.ndarray
+) -> ParametersByParameters:
+    """Covariance (d k, d k) of k differences in each of d divisions."""
+    lines = []
+    for one in divisions:
+        of_priors = (one[0][1] + one[1][1]) @ precision
+        line = []
+        for other in divisions:
+            total = of_priors @ (other[0][1] + other[1][1]).T
+            for (mine, rows), (theirs, columns) in product(one, other):
+                shared = np.tensordot((mine & theirs).astype(float), information, 1)
+                total = total + rows @ shared @ columns.T
+            line.append(total)
+        lines.append(line)
+    return np.block(lines) if lines else np.zeros((0, 0))
+
+
+def _scatter(differences: np.ndarray, covariance: np.ndarray, quantities: np.ndarray) -> dict[str, float]:
+    """Standard deviation tau of the differences (m,) of each quantity beyond chance."""
+    variance = np.diag(covariance)
+    told = variance > 0.0
+    scatter = dict.fromkeys(ACCEPTED, 0.0)
+    for quantity in ACCEPTED:
+        chosen = told & (quantities == quantity)
+        if not chosen.any():
+            continue
+        count, own = int(chosen.sum()), variance[chosen]
+        squares = float(np.sum(differences[chosen] ** 2 / own))
+        correlation = covariance[np.ix_(chosen, chosen)] / np.sqrt(np.outer(own, own))
+        # Q has the mean n and the variance 2 sum of rho^2: that of `unit` times a chi-square.
+        unit = float(np.sum(correlation**2)) / count
+        if squares > unit * chi2.isf(CHANCE / len(ACCEPTED), count / unit):
+            scatter[quantity] = float(np.sqrt((squares - count) / np.sum(1.0 / own)))
+    return scatter
 
 
 def _in_units(equations: NormalEquations) -> np.ndarray:
