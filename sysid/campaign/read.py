@@ -35,7 +35,7 @@ from sysid.campaign.records import (
     Sensor,
 )
 from sysid.campaign.requests import check_passes
-from sysid.campaign.roads import RoadCourse
+from sysid.campaign.roads import RoadCourse, with_obstacle
 from sysid.campaign.units import speed_m_s
 from sysid.campaign.wheel_places import tires_across
 from sysid.errors import CampaignError
@@ -325,7 +325,7 @@ class _TestReader:
             key = f"tests.prediction[{i + 1}]"
             load_case, speed = self._load_case(entry.load_case, key), speed_m_s(entry.speed_km_h)
             if entry.road is not None:
-                road = self._road(entry.road, f"{key}.road", road_reader)
+                road = self._road(entry.road, f"{key}.road", road_reader, profile_reader)
                 result.append(PredictionRequest(load_case, speed, road.label, road=road))
                 continue
             if entry.bridge is not None:
@@ -354,15 +354,31 @@ class _TestReader:
             return BumpShape("points", source=name)
         return profile_reader(content, table.lateral_m or 0.0, name)
 
-    def _road(self, table: s.RoadTable, key: str, road_reader: RoadReader | None) -> RoadCourse:
-        if table.file is None:
+    def _road(
+        self,
+        table: s.RoadTable,
+        key: str,
+        road_reader: RoadReader | None,
+        profile_reader: ProfileReader | None = None,
+    ) -> RoadCourse:
+        if table.parts:
+            parts = tuple(self._road(part, f"{key}.parts[{k + 1}]", road_reader) for k, part in enumerate(table.parts))
+            road = RoadCourse(sum(p.length_m for p in parts), realisations=table.realisations, parts=parts)
+        elif table.file is None:
             assert table.length_m is not None
-            return RoadCourse(table.length_m, table.roughness, table.seed, table.realisations)
-        content = self.files.content(table.file, f"{key}.file", limits.PROFILE_BYTES)
-        name = paths.relative_name(table.file)
-        if road_reader is None:
-            return RoadCourse(table.length_m or 0.0, source=name)
-        return road_reader(content, table.lateral_m or 0.0, name, table.length_m)
+            road = RoadCourse(table.length_m, table.roughness, table.seed, table.realisations)
+        else:
+            content = self.files.content(table.file, f"{key}.file", limits.PROFILE_BYTES)
+            name = paths.relative_name(table.file)
+            if road_reader is None:
+                road = RoadCourse(table.length_m or 0.0, source=name)
+            else:
+                road = road_reader(content, table.lateral_m or 0.0, name, table.length_m)
+        road = replace(road, stress_exponent=table.stress_exponent)
+        if table.shape is not None:
+            shape = self._shape(table.shape, f"{key}.shape", profile_reader)
+            road = with_obstacle(road, shape, table.at_m or 0.0, table.sunken, f"{self.file.name}: {key}")
+        return road
 
     def messages(self) -> tuple[str, ...]:
         """What somebody should know about the list of tests."""

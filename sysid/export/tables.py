@@ -13,6 +13,7 @@ import pandas as pd
 from sysid.csv_cells import csv_text, escape_cell, number_cell
 from sysid.export.load_effects import load_effect_texts
 from sysid.export.naming import file_stem, prediction_files, speed_km_h
+from sysid.export.road_tables import road_texts
 from sysid.files import write_text
 from sysid.prediction.predicted_passes import SIDES
 from sysid.prediction.quantiles import Quantiles
@@ -210,6 +211,9 @@ def write_passes(
         for file, text in texts.items():
             write_text(Path(folder) / file, text)
             paths.append(Path(folder) / file)
+    for file, text in road_texts(predictions.passes, "repeatability_asked", trust).items():
+        write_text(Path(folder) / file, text)
+        paths.append(Path(folder) / file)
     return tuple(paths)
 
 
@@ -224,6 +228,7 @@ def write_predictions(results: Results, folder: Path) -> tuple[Path, ...]:
     if results.predictions.sweeps:
         texts["predictions/against_speed.csv"] = speed_sweeps_csv(results.predictions, results.trust)
     texts |= load_effect_texts(passes, "load_effects", results.trust)
+    texts |= road_texts(passes, "repeatability", results.trust)
     for name, text in texts.items():
         write_text(Path(folder) / name, text)
     return tuple(Path(folder) / name for name in texts)

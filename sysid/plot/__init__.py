@@ -35,6 +35,13 @@ from sysid.plot.predictions import (
     suspension_force,
 )
 from sysid.plot.road import effective_profile, profile, scan
+from sysid.plot.roads import (
+    axle_load_along_road,
+    damage_against_speed,
+    load_spectrum,
+    range_pairs,
+    road_load_against_speed,
+)
 from sysid.plot.style import axle_color, figure, figure_of, label, shared_legend
 from sysid.plot.svg import svg_element, svg_file
 from sysid.plot.truck import truck, truck_height
@@ -49,12 +56,14 @@ __all__ = [
     "autocorrelation",
     "axle_color",
     "axle_load_against_speed",
+    "axle_load_along_road",
     "changes",
     "channel_grid",
     "channel_title",
     "comparison",
     "corner",
     "correlation",
+    "damage_against_speed",
     "drop",
     "drops",
     "effect_history",
@@ -67,6 +76,7 @@ __all__ = [
     "load_ratio",
     "load_ratio_against_speed",
     "load_ratios",
+    "load_spectrum",
     "marginal",
     "marginals",
     "mode_shape",
@@ -77,7 +87,9 @@ __all__ = [
     "posterior_correlation",
     "prior_against_posterior",
     "profile",
+    "range_pairs",
     "residual_spectrum",
+    "road_load_against_speed",
     "scan",
     "shared_legend",
     "shrinkage",

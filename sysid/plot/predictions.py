@@ -46,7 +46,8 @@ def _draw_history(prediction: PassPrediction, force: _Force, axle: int, unit_N: 
     ax.axhline(0.0, color=MUTED, lw=0.8)
     _hatch_beyond(prediction, axle, ax)
     ax.set_title(f"axle {axle + 1}")
-    met = "is on the bridge" if prediction.bridge is not None else "meets the bump"
+    met = "meets the bump" if prediction.road is None else "meets the road"
+    met = met if prediction.bridge is None else "is on the bridge"
     ax.set_xlabel(f"time after axle 1 {met} [s]")
 
 

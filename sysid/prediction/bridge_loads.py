@@ -216,7 +216,8 @@ def _heights(surface: Surface, realisation: int, end_m: float) -> tuple[np.ndarr
         station, tracks = class_road(course.roughness, APPROACH_M + end_m, course.seed + realisation)
         return station, tracks.mean(axis=0), APPROACH_M
     assert course.height_m is not None
-    return course.step_m * np.arange(course.height_m.size), course.height_m, surface.bridge_at_m
+    height = np.atleast_2d(course.height_m).mean(axis=0)
+    return course.step_m * np.arange(height.size), height, surface.bridge_at_m
 
 
 # ---------------------------------------------------------------------- motion

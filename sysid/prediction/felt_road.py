@@ -10,7 +10,13 @@ import numpy as np
 from sysid.arrays import Stations
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.road.contact_laws import ContactLaw
-from sysid.road.enveloping import footprint_map, load_on_spokes, spoke_table, static_deflection
+from sysid.road.enveloping import (
+    footprint_map,
+    footprint_map_about,
+    load_on_spokes,
+    spoke_table,
+    static_deflection,
+)
 from sysid.road.footprint_filter import footprint_filter
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.contact import EffectiveRoad, effective_road
@@ -26,12 +32,21 @@ _LOOKED_AT = 200
 
 
 @dataclass(frozen=True)
+class DrivenLoads:
+    """Places (T, na) of the axles along a road [m], and what they carry there (T, na) [N]."""
+
+    place_m: np.ndarray
+    force_N: np.ndarray
+
+
+@dataclass(frozen=True)
 class FeltRoad:
     """Rows of every axle's effective road on stations from `first_m`, `step_m` apart.
 
     `rise` (na, n) [m]; `stretch` (4, na, n) and `drag` (3, na, n) as in
     :class:`sysid.vehicle_model.contact.EffectiveRoad`.  `harsh` says whether springs were followed one by one;
-    `misfit` is the largest error of a load at its static height, as a share of it.
+    `misfit` is the largest error of a load at its static height, as a share of it; where springs are followed about
+    the loads that axles carry, the error about these.
     """
 
     first_m: float
@@ -64,6 +79,7 @@ def felt_road(
     reference: LoadCase,
     tires: MapTires,
     contact: ContactLaw,
+    loads: DrivenLoads | None = None,
 ) -> FeltRoad:
     """What the tires of every axle feel of a road at the loads of a load case; level road lies before and behind it.
 
@@ -75,11 +91,14 @@ def felt_road(
     station_m, height_m : (n,) uniform stations from 0, and heights [m].
     reference : the load case at whose axle loads the stiffness of the `tires` holds.
     contact : `point` follows the road itself.
+    loads : what axles carry along a harsh road: the springs are then followed about these loads.
     """
     height = height_m - height_m[0]
     length, margin = float(station_m[-1]), 1.0
     grid = np.arange(-margin, length + margin, GENTLE_STEP_M)
     sampled = np.interp(grid, station_m, height)
+    if loads is not None:
+        return _mapped(station_m, height, vehicle, load_case, reference, tires, 0.0, loads)
     if contact == "point":
         drag = -np.gradient(sampled, GENTLE_STEP_M)
         return _gentle(margin, [(sampled, drag)] * len(vehicle.axles), 0.0)
@@ -128,6 +147,7 @@ def _mapped(
     reference: LoadCase,
     tires: MapTires,
     misfit: float,
+    loads: DrivenLoads | None = None,
 ) -> FeltRoad:
     """Footprint maps of all axles over a short road, which comes down to level road behind its end over 5 m."""
     step, down, margin = 0.002, 5.0, 1.0
@@ -139,7 +159,13 @@ def _mapped(
     for i, axle in enumerate(vehicle.axles):
         load, declared = (c.axle_loads_kg[i] * vehicle.gravity_m_s2 for c in (load_case, reference))
         table = spoke_table(profile, axle.tire_radius_m, exponent=tires.spoke_exponent)
-        maps.append(footprint_map(table, load, declared, tires.stiffness_N_per_m[i]))
+        stiffness = tires.stiffness_N_per_m[i]
+        if loads is None:
+            maps.append(footprint_map(table, load, declared, stiffness))
+            continue
+        about = np.interp(table.station_m, loads.place_m[:, i], loads.force_N[:, i], left=load, right=load)
+        maps.append(footprint_map_about(table, load, declared, stiffness, about))
+        misfit = max(misfit, maps[-1].misfit_m * stiffness / load)
     first = min(round(m.station_m[0] / m.step_m) for m in maps)
     last = max(round(m.station_m[-1] / m.step_m) for m in maps)
     maps = [m.widened(first, last) for m in maps]

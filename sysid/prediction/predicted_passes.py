@@ -29,7 +29,11 @@ class RoadLoads:
     - `vehicle_stress`: the same of the whole vehicle, sum_i mean F_i^q / sum_i F_0i^q;
     - `aggregate_95`: sum_i F_i(s)^q / sum_i F_0i^q that 5 % of the stations s exceed, all axles at one station;
     - `roughness_index_mm_m` (IRI), `density_m3` (G_d(n_0) of ISO 8608) and `road_class` of the road, means over tracks
-      and realisations; None where it is too short.
+      and realisations; None where it is too short;
+    - `spectrum_N2_Hz` (axles, m): one-sided power spectral density of the axle load at `frequency_hz` (m,);
+    - `tire_ranges_per_km`, `suspension_ranges_per_km` (axles, k): how often per kilometre the force goes to and fro by
+      more than `range_levels` (k,) times the load at rest (rainflow), on the first realisation, of few draws;
+    - `aggregate_N` (p, d): sum of all axle loads that pass `station_m` (p,) on the first realisation, of d draws.
     """
 
     load_95_N: Quantiles
@@ -43,6 +47,13 @@ class RoadLoads:
     roughness_index_mm_m: float
     density_m3: float | None
     road_class: str | None
+    frequency_hz: np.ndarray
+    spectrum_N2_Hz: Quantiles
+    range_levels: np.ndarray
+    tire_ranges_per_km: Quantiles
+    suspension_ranges_per_km: Quantiles
+    station_m: np.ndarray
+    aggregate_N: np.ndarray
 
 
 #: Sides of the truck, in the order of :class:`WheelLoads`.

@@ -8,29 +8,39 @@ depends on the number of draws that are simulated together, and time on the leng
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from sysid import limits
-from sysid.arrays import DrawsByParameters, SamplesByAxlesBySets
+from sysid.arrays import DrawsByParameters
 from sysid.campaign.records import PredictionRequest
 from sysid.campaign.roads import RoadCourse
 from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitState
 from sysid.prediction.assumed_stops import AssumedStops
-from sysid.prediction.felt_road import HARSH, MOST_HARSH_M, FeltRoad
+from sysid.prediction.felt_road import HARSH, MOST_HARSH_M, DrivenLoads, FeltRoad
 from sysid.prediction.finite import check_finite
 from sysid.prediction.measures import extremes, quantiles
 from sysid.prediction.pass_over_road import pass_over_road
 from sysid.prediction.predicted_passes import PassPrediction, RoadLoads
+from sysid.prediction.road_measures import (
+    RANGE_DRAWS,
+    RANGE_LEVELS,
+    Drive,
+    aggregate_loads,
+    aggregate_stations,
+    counted_ranges,
+    load_spectra,
+    measures,
+)
 from sysid.prediction.trust import DrivenRange
 from sysid.prediction.vehicle_draws import (
     VehicleDraws,
 )
 from sysid.prediction.vehicle_groups import VehicleGroup, felt_by_vehicle, vehicle_groups
 from sysid.progress import Progress, unwatched
-from sysid.road.roughness import TRACK_M, class_of_density, class_of_profile, class_road, roughness_index
+from sysid.road.driven_road import course_heights
+from sysid.road.roughness import class_of_density, class_of_profile, roughness_index
 from sysid.threads import side_by_side
 from sysid.vehicle_model.engine import Timing
 
@@ -40,27 +50,10 @@ STRETCH_S, RUN_UP_S, GROWTH_S = 20.0, 7.0, 3.5
 #: gentle road departs by 0.1 % of the dynamic load from eight.
 INTERVAL_S = 0.004
 _GENTLE_STEPS, _HARSH_STEPS = 1, 4
+#: How often the springs over edges are followed about the loads of the time before.
+_ROUNDS = 2
 #: Draws behind the bands of the histories: those of all draws of a long road take much memory.
 BAND_DRAWS = 40
-#: Exponent of the damage that axle loads do to a road: the fourth power of the AASHO road test.
-STRESS_EXPONENT = 4.0
-
-
-@dataclass(frozen=True)
-class _Drive:
-    """Every draw over every realisation of a road: forces (T, na, n) [N], static loads (na, n), extremes (na, n)."""
-
-    forces: SamplesByAxlesBySets
-    static_N: np.ndarray
-    extremes: dict[str, np.ndarray]
-
-
-def course_heights(course: RoadCourse, realisation: int, track_m: float = TRACK_M) -> tuple[np.ndarray, np.ndarray]:
-    """Stations (n,) from 0 and heights (tracks, n) of one realisation of a road [m]; a measured one has one track."""
-    if course.roughness is not None:
-        return class_road(course.roughness, course.length_m, course.seed + realisation, track_m=track_m)
-    assert course.height_m is not None
-    return course.step_m * np.arange(course.height_m.size), course.height_m[None]
 
 
 def predict_road(
@@ -110,41 +103,66 @@ def predict_road(
     place = speed * time[:, None] - x
     on_road = (place >= 0.0) & (place <= course.length_m)
     batch, groups = vehicle_groups(state, request.load_case, roads[0].stretch_of(-1.0, 0.5, 0.0), sets, vehicles, stops)
+    for k, road in enumerate(roads):
+        for _ in range(_ROUNDS if road.harsh else 0):
+            # The first vehicles tell what axles carry over the edges; about these loads the springs are followed.
+            first = _driven_over(state, request, groups[0], roads[k], samples, 0)
+            loads = DrivenLoads(place, np.median(first.forces, axis=-1))
+            roads[k] = felt_by_vehicle(state, request.load_case, tracks[k][0], tracks[k][1].mean(axis=0), loads)
+    shift = x / speed / INTERVAL_S
     found: list[dict[str, np.ndarray]] = []
-    bands: list[np.ndarray] = []
-    kept = 0
+    kept: list[dict[str, np.ndarray]] = []
+    drawn = 0
     for number, group in enumerate(groups):
         drives = []
         for k, road in enumerate(roads):
             progress(f"{course.label}", (number + k / len(roads)) / len(groups))
-            drives.append(_driven_over(state, request, group, road, samples))
-        if kept < BAND_DRAWS:
-            # The bands are of the first realisation; single precision is far beyond what the model knows.
-            bands.append(drives[0].forces[..., : BAND_DRAWS - kept].astype(np.float32))
-            kept += bands[-1].shape[-1]
-        found.append(_measures(drives, on_road, x / speed / INTERVAL_S))
-    measured = {name: np.concatenate([f[name] for f in found], axis=-1) for name in found[0]}
+            drives.append(_driven_over(state, request, group, road, samples, max(RANGE_DRAWS - drawn, 0)))
+        if drawn < BAND_DRAWS:
+            kept.append(_of_some(drives[0], on_road, shift, course.length_m, speed, BAND_DRAWS - drawn))
+        drawn += len(group.sets)
+        found.append(measures(drives, on_road, shift, course.stress_exponent))
+        frequency, found[-1]["spectrum"] = load_spectra(drives, on_road, INTERVAL_S)
+    measured, some = (
+        {name: np.concatenate([p[name] for p in parts], axis=-1) for name in parts[0]} for parts in (found, kept)
+    )
     static = batch.matrices.static_load[0, :, 0]
-    misfit = max(0.0 if road.harsh else road.misfit for road in roads)
+    harsh, misfit = max((road.misfit, road.harsh) for road in roads)[::-1]
     return pass_over_road(
         campaign,
         request,
         time,
-        np.concatenate(bands, axis=-1),
+        some["forces"],
         measured,
         static,
         driven,
         stops if vehicles is None else vehicles.stops,
-        _said(request, misfit),
+        _said(request, misfit, harsh),
         load_coefficient=quantiles(measured["coefficient"]),
-        road=_loads(course, tracks, measured),
+        road=_loads(course, tracks, measured, some, frequency),
     )
 
 
+def _of_some(
+    drive: Drive, on_road: np.ndarray, shift: np.ndarray, length_m: float, speed_m_s: float, most: int
+) -> dict[str, np.ndarray]:
+    """What is kept of at most so many draws over the first realisation, the draws along the last axis.
+
+    Single precision is far beyond what the model knows.
+    """
+    forces = drive.forces[..., :most].astype(np.float32)
+    found = {"forces": forces, "aggregate": aggregate_loads(forces, shift, length_m, speed_m_s * INTERVAL_S)}
+    found["tire_ranges"], found["suspension_ranges"] = counted_ranges(drive, on_road, length_m)
+    return found
+
+
 def _driven_over(
-    state: FitState, request: PredictionRequest, group: VehicleGroup, road: FeltRoad, samples: int
-) -> _Drive:
-    """Forces of some vehicles at the first `samples` instants from where axle 1 meets the road."""
+    state: FitState, request: PredictionRequest, group: VehicleGroup, road: FeltRoad, samples: int, counted: int
+) -> Drive:
+    """Forces of some vehicles at the first `samples` instants from where axle 1 meets the road.
+
+    Suspension forces are kept of the first `counted` of them.
+    """
     speed = request.speed_m_s
     x = np.array([axle.x_m for axle in state.campaign.vehicle.axles])
     count = len(group.sets)
@@ -153,6 +171,7 @@ def _driven_over(
     run_up = int(np.ceil((RUN_UP_S + x.max() / speed) / INTERVAL_S))
     timing = Timing(each + run_up, INTERVAL_S, _HARSH_STEPS if road.harsh else _GENTLE_STEPS)
     forces = np.empty((samples, x.size, count))
+    suspension = np.empty((samples, x.size, min(counted, count)), np.float32)
     static = group.static_N
 
     def stretch(number: int) -> dict[str, np.ndarray]:
@@ -165,63 +184,24 @@ def _driven_over(
         tire = group.erring(found.tire_N[run_up:])
         part = forces[begin : begin + each]
         part[:] = tire[: len(part)]
+        kept = suspension[begin : begin + each]
+        kept[:] = found.suspension_N[run_up : run_up + len(kept), :, : kept.shape[2]]
         return extremes(found.sunk_m[run_up:], found.extension_m[run_up:], tire, INTERVAL_S)
 
     found = side_by_side(stretch, range(stretches))
     together = {name: np.stack([f[name] for f in found]) for name in found[0]}
     most = {name: v.sum(axis=0) if name == "lift_off_s" else v.max(axis=0) for name, v in together.items()}
-    return _Drive(forces, static, most)
-
-
-def _measures(drives: Sequence[_Drive], on_road: np.ndarray, shift: np.ndarray) -> dict[str, np.ndarray]:
-    """Measures (axles, n) of some draws over all realisations, and of whole vehicles (1, n)."""
-    static, q = drives[0].static_N, STRESS_EXPONENT
-    rows: dict[str, list[np.ndarray]] = {
-        n: [] for n in ("mean", "spread", "most", "least", "load_95", "load_99", "power")
-    }
-    for i in range(len(static)):
-        force = np.concatenate([d.forces[on_road[:, i], i] for d in drives])
-        rows["mean"].append(force.mean(axis=0))
-        rows["spread"].append(force.std(axis=0))
-        rows["most"].append(force.max(axis=0))
-        rows["least"].append(force.min(axis=0))
-        high = np.quantile(force, [0.95, 0.99], axis=0)
-        rows["load_95"].append(high[0])
-        rows["load_99"].append(high[1])
-        rows["power"].append((force**q).mean(axis=0))
-    found = {name: np.array(values) for name, values in rows.items()}
-    at_rest = (static**q).sum(axis=0)
-    found["vehicle_stress"] = found["power"].sum(axis=0, keepdims=True) / at_rest
-    found["road_stress"] = found.pop("power") / static**q
-    together = np.concatenate([_at_one_station(d.forces, shift, q) for d in drives])
-    found["aggregate_95"] = np.quantile(together, 0.95, axis=0, keepdims=True) / at_rest
-    found["coefficient"] = found.pop("spread") / found["mean"]
-    found["mean_ratio"] = found["mean"] / static
-    found["sum_ratio"] = found.pop("mean").sum(axis=0, keepdims=True) / static.sum(axis=0)
-    for name in drives[0].extremes:
-        values = np.stack([d.extremes[name] for d in drives])
-        # Time off the road is that of one realisation, the mean of all.
-        found[name] = values.mean(axis=0) if name == "lift_off_s" else values.max(axis=0)
-    return found
-
-
-def _at_one_station(forces: np.ndarray, shift: np.ndarray, exponent: float) -> np.ndarray:
-    """Sum over the axles of the powers of their forces at every station of the road, (stations, n).
-
-    `shift` (na,): how many samples later than axle 1 each axle passes a station.
-    """
-    whole = np.floor(shift).astype(int)
-    count = len(forces) - int(np.ceil(shift.max())) - 1
-    total = np.zeros((count, forces.shape[2]))
-    for i, (k, share) in enumerate(zip(whole, shift - whole, strict=True)):
-        force = (1.0 - share) * forces[k : k + count, i] + share * forces[k + 1 : k + 1 + count, i]
-        total += force**exponent
-    return total
+    return Drive(forces, suspension, static, most)
 
 
 def _loads(
-    course: RoadCourse, tracks: Sequence[tuple[np.ndarray, np.ndarray]], measured: dict[str, np.ndarray]
+    course: RoadCourse,
+    tracks: Sequence[tuple[np.ndarray, np.ndarray]],
+    measured: dict[str, np.ndarray],
+    some: dict[str, np.ndarray],
+    frequency_hz: np.ndarray,
 ) -> RoadLoads:
+    """Measures of all draws, and of `some` what is kept of few."""
     lines = [(station, height) for station, heights in tracks for height in heights]
     classes = [c for c in (class_of_profile(*line) for line in lines) if c is not None]
     density = float(np.exp(np.mean([np.log(d) for _, d in classes]))) if classes else None
@@ -231,19 +211,31 @@ def _loads(
         road_stress=quantiles(measured["road_stress"]),
         vehicle_stress=quantiles(measured["vehicle_stress"]),
         aggregate_95=quantiles(measured["aggregate_95"]),
-        exponent=STRESS_EXPONENT,
+        exponent=course.stress_exponent,
         length_m=course.length_m,
         realisations=course.realisations,
         roughness_index_mm_m=float(np.mean([roughness_index(*line) for line in lines])),
         density_m3=density,
         road_class=None if density is None else class_of_density(density),
+        frequency_hz=frequency_hz,
+        spectrum_N2_Hz=quantiles(measured["spectrum"]),
+        range_levels=RANGE_LEVELS,
+        tire_ranges_per_km=quantiles(some["tire_ranges"]),
+        suspension_ranges_per_km=quantiles(some["suspension_ranges"]),
+        station_m=aggregate_stations(course.length_m),
+        aggregate_N=some["aggregate"],
     )
 
 
-def _said(request: PredictionRequest, misfit: float) -> list[str]:
+def _said(request: PredictionRequest, misfit: float, harsh: bool) -> list[str]:
     """What has to be known about the road of a pass."""
     if misfit <= HARSH:
         return []
+    if harsh:
+        return [
+            f"{request.bump}: at its edges loads are off by up to {100.0 * misfit:.0f} % of the static load from those "
+            "of the tires' springs."
+        ]
     return [
         f"{request.bump}: the road has edges that a tire does not smooth as the model takes it; loads there may be "
         f"off by {100.0 * misfit:.0f} % of the static load. Cut the road to {MOST_HARSH_M:g} m about them."

@@ -13,7 +13,7 @@ from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import law_inputs, laws_side_by_side
 from sysid.prediction.assumed_stops import AssumedStops
 from sysid.prediction.driven_range import spring_deflection
-from sysid.prediction.felt_road import FeltRoad, felt_road
+from sysid.prediction.felt_road import DrivenLoads, FeltRoad, felt_road
 from sysid.prediction.vehicle_draws import (
     TOGETHER,
     DrawnVehicles,
@@ -80,7 +80,9 @@ class VehicleGroup:
         return np.moveaxis(with_contact_error(np.moveaxis(tire_N, 1, 2), static, self.contact_error), 1, 2)
 
 
-def felt_by_vehicle(state: FitState, load_case: str, station_m: Stations, height_m: Stations) -> FeltRoad:
+def felt_by_vehicle(
+    state: FitState, load_case: str, station_m: Stations, height_m: Stations, loads: DrivenLoads | None = None
+) -> FeltRoad:
     """What the tires of a calibrated vehicle feel of a surface (:func:`sysid.prediction.felt_road.felt_road`)."""
     campaign, point = state.campaign, state.point
     cases = campaign.load_cases
@@ -92,6 +94,7 @@ def felt_by_vehicle(state: FitState, load_case: str, station_m: Stations, height
         next(iter(cases.values())),
         point.tires or declared_tires(campaign.vehicle),
         point.contact,
+        loads,
     )
 
 

@@ -1,4 +1,4 @@
-"""Profiles of bumps and of rough roads from files: two columns of text, or a long section of an OpenCRG surface.
+"""Profiles of bumps and of rough roads from files: columns of text, ERD, or a long section of an OpenCRG surface.
 
 OpenCRG files (ASAM OpenCRG 1.2, chapter 6: sections $ROAD_CRG and $KD_DEFINITION, payload LRFI, LDFI, KRBI or KDBI) are
 read by pycrg, which holds ASAM's own C library: slope, banking and the modifiers of the file are applied there.  It
@@ -25,14 +25,18 @@ from sysid.errors import CampaignError, DataRejectedError
 from sysid.logs.input_file import FileRefusedError, InputFile, read_file
 from sysid.logs.text_table import TextTable, open_table
 from sysid.road.cloud_libraries import read_crg
+from sysid.road.erd_file import MARK as ERD_MARK
+from sysid.road.erd_file import read_erd
 from sysid.road.named_shapes import named_shape
 from sysid.wording import joined_words, shorten
 
 #: Bytes in which the mark of an OpenCRG file is looked for.
 _HEAD_BYTES = 1 << 20
 _STATION, _HEIGHT = "station_m", "height_m"
-#: Names of the two columns, with or without a unit.
-_COLUMN = re.compile(r"(station|height)(?:_(\w+)|\s*[\[(]([^\])]*)[\])])?", re.IGNORECASE)
+#: Heights of one track, or of both.
+_TRACKS = (("height",), ("left_height", "right_height"))
+#: Names of the columns, with or without a unit.
+_COLUMN = re.compile(r"(station|(?:left_|right_)?height)(?:_(\w+)|\s*[\[(]([^\])]*)[\])])?", re.IGNORECASE)
 #: Stations of measured roads are no nearer and no further apart than this [m] in the model.
 _FINEST_M, _COARSEST_M = 0.005, 0.05
 #: Grades and hills are no roughness: on longer roads [m] than this a mean with Gaussian weights of the standard
@@ -49,8 +53,9 @@ _STANDARD = dict.fromkeys(("m", "meter", "metre", "rad", "m/m", "-", "1"), 1.0)
 def bump_from_file(path: Path | InputFile, lateral_m: float = 0.0, name: str | None = None) -> BumpShape:
     """Bump along the direction of travel in a file, as heights above the road at stations [m].
 
-    Text has the columns ``station_m`` and ``height_m``. From an OpenCRG surface, the heights along the reference line,
-    or `lateral_m` [m] to its left, are taken in the direction of increasing u. The straight line through the first and
+    Text has the columns ``station_m`` and ``height_m``, or ``left_height_m`` and ``right_height_m``; of two tracks
+    the mean is taken. From an OpenCRG surface, the heights along the reference line, or `lateral_m` [m] to its left,
+    are taken in the direction of increasing u. The straight line through the first and
     the last of them is subtracted, because the model drives on level road. `name` of the file for people, by default
     without folder. `path` may be a file that has been read already.
 
@@ -59,7 +64,9 @@ def bump_from_file(path: Path | InputFile, lateral_m: float = 0.0, name: str | N
     DataRejectedError
         If the file cannot be read, or holds no bump; one sentence with the file's name.
     """
-    label, station, height = _heights(path, lateral_m, name)
+    label, station, tracks = _heights(path, lateral_m, name)
+    # The planar vehicle feels the mean of both tracks.
+    height = tracks.mean(axis=0)
     if station.size > limits.PROFILE_STATIONS or np.ptp(station) > limits.PROFILE_LENGTH_M:
         raise DataRejectedError(
             f"{label}: the profile has {station.size} stations on {np.ptp(station):g} m, more than the "
@@ -104,7 +111,7 @@ def road_from_file(
         )
     length = float(station[-1]) if length_m is None else length_m
     step = float(np.clip(np.median(steps), _FINEST_M, _COARSEST_M))
-    count = int(length / step) + 1
+    count = int(length / step + 1e-6) + 1
     if length > limits.ROAD_LENGTH_M or count > limits.ROAD_STATIONS or count < 3:
         raise DataRejectedError(
             f"{label} is {length:g} m long; roads of {3 * step:g} m to {limits.ROAD_LENGTH_M:g} m are predicted: give "
@@ -116,7 +123,7 @@ def road_from_file(
             f"{label}: there is no height over {gap:.3g} m behind station {at:.6g} m; at most {_LARGEST_GAP_M:g} m."
         )
     grid = step * np.arange(count)
-    height = _without_grade(grid, np.interp(grid, station, height))
+    height = np.array([_without_grade(grid, np.interp(grid, station, track)) for track in height])
     if (highest := float(np.abs(height).max())) > _ROUGH_HEIGHT_M:
         raise DataRejectedError(
             f"{label}: heights depart by {highest:.3g} m from the grade of the road, more than {_ROUGH_HEIGHT_M:g} m; "
@@ -139,12 +146,18 @@ def _without_grade(station_m: np.ndarray, height_m: np.ndarray) -> np.ndarray:
 
 
 def _heights(path: Path | InputFile, lateral_m: float, name: str | None) -> tuple[str, np.ndarray, np.ndarray]:
-    """Name for people, stations and heights (n,) [m] of a profile in text, or along a line of an OpenCRG surface."""
+    """Name for people, stations (n,) and heights (tracks, n) [m] of a profile; of a surface, along one line."""
     label = shorten(path.name if name is None else name)
     source = _content(path, label)
     if source.suffix.lower() == ".crg" or b"$KD_DEFINITION" in source.data[:_HEAD_BYTES].upper():
         station, height = _long_section(source, label, lateral_m)
-        return f"{label}, v = {lateral_m:g} m", station, height
+        return f"{label}, v = {lateral_m:g} m", station, height[None]
+    if source.data.startswith(ERD_MARK):
+        return label, *read_erd(source, label)
+    if source.suffix.lower() == ".ppf":
+        raise DataRejectedError(
+            f"{label} is a PPF file (ASTM E2560, binary), which is not read; save it from ProVAL as ERD or as text."
+        )
     return label, *_columns(source, label)
 
 
@@ -169,7 +182,7 @@ def _content(path: Path | InputFile, label: str) -> InputFile:
 
 
 def _columns(source: InputFile, label: str) -> tuple[np.ndarray, np.ndarray]:
-    """Stations and heights [m] of a table, in the units of its names or of a row of units."""
+    """Stations (n,) and heights (tracks, n) [m] of a table, in the units of its names or of a row of units."""
 
     def named(name: str) -> str | None:
         match = _COLUMN.fullmatch(name.strip())
@@ -188,9 +201,13 @@ def _columns(source: InputFile, label: str) -> tuple[np.ndarray, np.ndarray]:
             if quantity in places:
                 raise DataRejectedError(f"{label} has several columns of {quantity}; keep one of them.")
             places[quantity] = place
+    wanted = next((names for names in _TRACKS if all(name in places for name in names)), None)
     for quantity, name in (("station", _STATION), ("height", _HEIGHT)):
-        if quantity not in places:
+        if quantity not in places and (quantity == "station" or wanted is None):
             raise DataRejectedError(f"{label} has no column {name}; a profile needs {_STATION} and {_HEIGHT}.")
+    assert wanted is not None
+    if len(places) > 1 + len(wanted):
+        raise DataRejectedError(f"{label} has heights of one track and of sides; keep height, or left and right.")
     columns = table.read(list(places.values()))
     for place in places.values():
         missing = np.flatnonzero(~np.isfinite(columns[place]))
@@ -199,8 +216,8 @@ def _columns(source: InputFile, label: str) -> tuple[np.ndarray, np.ndarray]:
             raise DataRejectedError(
                 f"{label}, row {row}: {table.names[place]} is missing; every station needs a height."
             )
-    station, height = (columns[places[q]] * _unit_of(table, places[q], label) for q in ("station", "height"))
-    return station, height
+    station, *height = (columns[places[q]] * _unit_of(table, places[q], label) for q in ("station", *wanted))
+    return station, np.array(height)
 
 
 def _unit_of(table: TextTable, place: int, label: str) -> float:

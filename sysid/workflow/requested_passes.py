@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sysid import limits
 from sysid.errors import CampaignError
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 #: Options that name passes.
 OPTIONS = (
     "speeds", "load_case", "bump", "lateral", "shape", "height", "length", "top", "road", "realisations", "bridge",
-    "vehicles", "gap",
+    "vehicles", "gap", "at", "hole", "stress_exponent",
 )  # fmt: skip
 #: Length of a road of a class that has none [m], and the longest bump.
 ROAD_LENGTH_M, SHAPE_LENGTH_M = 500.0, 100.0
@@ -52,7 +53,7 @@ def requested_passes(campaign: Campaign | _Names, options: Mapping[str, Any]) ->
     DataRejectedError
         If the file of a bump cannot be used.
     """
-    given = [name for name in ("bridge", "road", *OPTIONS) if options.get(name) not in (None, ())]
+    given = [name for name in ("bridge", "road", *OPTIONS) if options.get(name) not in (None, (), False)]
     speeds = options.get("speeds") or ()
     if not given:
         return ()
@@ -70,8 +71,12 @@ def requested_passes(campaign: Campaign | _Names, options: Mapping[str, Any]) ->
         if options.get(name) is not None:
             raise CampaignError(f"--{name} is about vehicles one behind the other on a bridge; add --bridge.")
     if options.get("road") is not None:
-        road = _road(options)
+        road = _whole_road(campaign, options)
         return tuple(PredictionRequest(case, speed / 3.6, road.label, road=road) for speed in speeds)
+    for name, what in (("at", "is where a bump lies on a road"), ("hole", "is cut into a road"),
+                       ("stress_exponent", "is about the damage of a road")):  # fmt: skip
+        if options.get(name) not in (None, False):
+            raise CampaignError(f"--{name.replace('_', '-')} {what}; add --road, for example B.")
     if options.get("realisations") is not None:
         raise CampaignError("--realisations is how many roads of a class are driven; add --road, for example B.")
     shape, bump = _shape(options), options.get("bump")
@@ -91,7 +96,7 @@ def _bridge(campaign: Campaign | _Names, options: Mapping[str, Any]) -> BridgeCo
     from sysid.campaign.roads import ROAD_CLASSES, RoadCourse
 
     name, road = options["bridge"], options.get("road")
-    for other in ("bump", "lateral", "shape", "height", "length", "top"):
+    for other in ("bump", "lateral", "shape", "height", "length", "top", "at", "stress_exponent"):
         if options.get(other) is not None:
             raise CampaignError(f"--bridge and --{other} are both given; a pass goes over one of them.")
     bridge = campaign.bridges.get(name)
@@ -119,18 +124,53 @@ def _bridge(campaign: Campaign | _Names, options: Mapping[str, Any]) -> BridgeCo
     return BridgeCourse(bridge, surface, vehicles or 1, 10.0 if gap is None else gap)
 
 
-def _road(options: Mapping[str, Any]) -> RoadCourse:
-    name, length, realisations = options["road"], options.get("length"), options.get("realisations")
-    for other in ("bump", "shape", "height", "top"):
-        if options.get(other) is not None:
-            raise CampaignError(f"--road and --{other} are both given; a pass goes over one of them.")
+def _whole_road(campaign: Campaign, options: Mapping[str, Any]) -> RoadCourse:
+    """The road of --road, roads joined by ``+`` one behind the other, with the bump or the hole that lies on it."""
+    from dataclasses import replace
+
+    from sysid.campaign.roads import RoadCourse, with_obstacle
+
+    name, at = options["road"], options.get("at")
+    parts = [name] if os.path.exists(name) else [part.strip() for part in name.split("+")]
+    realisations = options.get("realisations")
+    if len(parts) == 1:
+        road = _road(parts[0], options)
+    else:
+        if options.get("length") is not None and options.get("shape") is None:
+            raise CampaignError("--length belongs to one road; give each class its own, as in C:200+A:60.")
+        several = tuple(_road(part, {**options, "length": None, "realisations": None}) for part in parts)
+        road = RoadCourse(sum(p.length_m for p in several), realisations=realisations or 1, parts=several)
+    if (exponent := options.get("stress_exponent")) is not None:
+        road = replace(road, stress_exponent=exponent)
+    bump = options.get("bump")
+    # Without a shape the length is that of the road.
+    shape = _shape(options if options.get("shape") is not None else {**options, "length": None})
+    if at is None:
+        if bump is not None or shape is not None or options.get("hole"):
+            raise CampaignError("A bump or hole on a --road needs its station; add --at in metres.")
+        return road
+    if (bump is None) == (shape is None):
+        raise CampaignError("--at is where a bump begins on the road; name it by --bump FILE or --shape.")
+    shape = shape or _file(campaign, bump, None)
+    if shape is None:
+        raise CampaignError(f"--bump '{bump}' on a --road is a file with its profile, not a scan of the campaign.")
+    return with_obstacle(road, shape, at, bool(options.get("hole")), "--at")
+
+
+def _road(name: str, options: Mapping[str, Any]) -> RoadCourse:
+    """One road: a class, with its length as in ``B:200``, or a file."""
+    # The length of a shape is its own.
+    length = None if options.get("shape") is not None else options.get("length")
+    realisations = options.get("realisations")
     from sysid.campaign.roads import ROAD_CLASSES, RoadCourse
 
-    roughness = next((c for c in ROAD_CLASSES if c == name.upper()), None)
+    known, _, own = name.partition(":")
+    roughness = next((c for c in ROAD_CLASSES if c == known.strip().upper()), None)
     if roughness is not None:
         if options.get("lateral") is not None:
             raise CampaignError("--lateral chooses a long section of an OpenCRG file; name that file by --road.")
-        return RoadCourse(length or ROAD_LENGTH_M, roughness, options.get("seed") or 0, realisations or 1)
+        length = _own_length(own, name) or length or ROAD_LENGTH_M
+        return RoadCourse(length, roughness, options.get("seed") or 0, realisations or 1)
     if realisations is not None:
         raise CampaignError("--realisations is how many roads of a class are driven; a road from a file is one.")
     path = Path(name)
@@ -140,6 +180,19 @@ def _road(options: Mapping[str, Any]) -> RoadCourse:
 
     named = "/".join(part for part in (path.parent.name, path.name) if part)
     return road_from_file(path, options.get("lateral") or 0.0, named, length)
+
+
+def _own_length(text: str, name: str) -> float | None:
+    """The length in ``B:200``, None where there is none."""
+    if not text:
+        return None
+    try:
+        length = float(text)
+    except ValueError:
+        length = 0.0
+    if not 0.0 < length <= limits.ROAD_LENGTH_M:
+        raise CampaignError(f"--road '{name}': the length of the class is {text!r}; write metres, as in B:200.")
+    return length
 
 
 def _shape(options: Mapping[str, Any]) -> BumpShape | None:

@@ -105,7 +105,7 @@ def test_a_file_is_a_road_without_its_grade(tmp_path):
     (found,) = requested_passes(CAMPAIGN, {"speeds": (80.0,), "road": str(path)})
     assert found.road.length_m == pytest.approx(40.0)
     assert found.road.step_m == pytest.approx(0.02)
-    np.testing.assert_allclose(found.road.height_m, height - height[0], atol=2e-5)
+    np.testing.assert_allclose(found.road.height_m[0], height - height[0], atol=2e-5)
     (short,) = requested_passes(CAMPAIGN, {"speeds": (80.0,), "road": str(path), "length": 10.0})
     assert short.road.length_m == pytest.approx(10.0)
 
@@ -119,7 +119,7 @@ def test_hills_are_no_roughness(tmp_path):
     path.write_text("\n".join(["station_m,height_m", *rows]))
     road = requested_passes(CAMPAIGN, {"speeds": (80.0,), "road": str(path)})[0].road
     middle = slice(4000, -4000)
-    left = road.height_m[middle] - wave[middle]
+    left = road.height_m[0, middle] - wave[middle]
     assert np.abs(np.diff(left, 2)).max() < 1e-5
     assert np.ptp(left) < 0.2
 
@@ -146,7 +146,18 @@ def test_a_file_that_is_no_road_is_refused(tmp_path, text, options, said):
     [
         ({"road": "B"}, "--road needs a --speed"),
         ({"speeds": (80.0,), "road": "J"}, "neither a class of ISO 8608"),
-        ({"speeds": (80.0,), "road": "B", "bump": "one"}, "--road and --bump are both given"),
+        ({"speeds": (80.0,), "road": "B", "bump": "one"}, "needs its station; add --at"),
+        ({"speeds": (80.0,), "road": "B", "at": 10.0}, "name it by --bump FILE or --shape"),
+        ({"speeds": (80.0,), "road": "B", "bump": "one", "at": 10.0}, "not a scan of the campaign"),
+        ({"speeds": (80.0,), "road": "B", "hole": True}, "needs its station; add --at"),
+        ({"speeds": (80.0,), "hole": True}, "--hole is cut into a road; add --road"),
+        ({"speeds": (80.0,), "stress_exponent": 3.0}, "--stress-exponent is about the damage of a road; add --road"),
+        ({"speeds": (80.0,), "road": "B:x"}, "write metres, as in B:200"),
+        ({"speeds": (80.0,), "road": "B:100+A", "length": 50.0}, "give each class its own"),
+        (
+            {"speeds": (80.0,), "road": "B:20", "at": 19.0, "shape": "watts", "height": 0.1, "length": 3.0},
+            "does not lie on a road of 20 m",
+        ),
         ({"speeds": (80.0,), "road": "B", "lateral": 1.0}, "--lateral chooses"),
         ({"speeds": (80.0,), "realisations": 2}, "add --road"),
         ({"speeds": (80.0,), "shape": "watts", "height": 0.1, "length": 200.0}, "too long for a bump"),
@@ -155,6 +166,23 @@ def test_a_file_that_is_no_road_is_refused(tmp_path, text, options, said):
 def test_roads_that_cannot_be_driven_are_refused(options, said):
     with pytest.raises(CampaignError, match=said):
         requested_passes(CAMPAIGN, options)
+
+
+def test_roads_follow_each_other_with_a_hole(tmp_path):
+    path = tmp_path / "deck.csv"
+    rows = [f"{0.5 * k},{0.001 * k},{0.003 * k}" for k in range(41)]
+    path.write_text("\n".join(["station_m,left_height_m,right_height_m", *rows]))
+    options = {"speeds": (80.0,), "road": f"C:30+{path}", "seed": 4, "at": 40.0, "hole": True}
+    size = {"shape": "trapezoid", "height": 0.05, "length": 1.0, "top": 0.9}
+    (found,) = requested_passes(CAMPAIGN, {**options, **size, "stress_exponent": 3.0})
+    road = found.road
+    assert (road.length_m, road.stress_exponent, road.obstacle_at_m, road.sunken) == (50.0, 3.0, 40.0, True)
+    assert [part.length_m for part in road.parts] == [30.0, 20.0]
+    assert road.parts[1].height_m.shape[0] == 2
+    folder = tmp_path.name
+    assert found.bump == (
+        f"road class C, 30 m, seed 4 + {folder}/deck.csv, with hole of trapezoid 50 mm x 1 m, top 0.9 m at 40 m"
+    )
 
 
 def _river(folder) -> str:

@@ -284,7 +284,7 @@ class ShapeTable(Table):
 
 
 class RoadTable(Table):
-    """road = {...}: a rough road of a class by ISO 8608, or a measured one from a file."""
+    """road = {...}: a rough road of a class by ISO 8608, a measured one, or several one behind the other."""
 
     roughness: RoadClass | None = Field(default=None, alias="class")
     length_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=limits.ROAD_LENGTH_M)] | None = None
@@ -292,15 +292,28 @@ class RoadTable(Table):
     realisations: Annotated[int, Field(strict=True, ge=1, le=limits.ROAD_REALISATIONS)] = 1
     file: PathText | None = None
     lateral_m: Position | None = None
+    parts: Annotated[list[RoadTable], Field(max_length=20)] = []
+    shape: ShapeTable | None = None
+    at_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=limits.ROAD_LENGTH_M)] | None = None
+    sunken: bool = False
+    stress_exponent: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1.0, le=12.0)] = 4.0
 
     @model_validator(mode="after")
-    def _class_or_file(self) -> RoadTable:
-        if (self.roughness is None) == (self.file is None):
-            raise ValueError("is of a class or from a file; give class or file")
+    def _one_kind(self) -> RoadTable:
+        given = [self.roughness is not None, self.file is not None, bool(self.parts)]
+        if sum(given) != 1:
+            raise ValueError("is of a class, from a file or of parts; give one of class, file and parts")
         if self.file is not None and self.model_fields_set & {"seed", "realisations"}:
             raise ValueError("comes from a file; seed and realisations belong to a class")
         if self.roughness is not None and (self.lateral_m is not None or self.length_m is None):
             raise ValueError("is of a class; give length_m, and lateral_m for a file only")
+        if self.parts and self.model_fields_set & {"length_m", "seed", "lateral_m"}:
+            raise ValueError("is of parts; length_m, seed and lateral_m belong to each of them")
+        inner = {"parts", "shape", "at_m", "sunken", "realisations", "stress_exponent"}
+        if wrong := next((sorted(p.model_fields_set & inner) for p in self.parts if p.model_fields_set & inner), None):
+            raise ValueError(f"has {wrong[0]} in one of its parts; it belongs to the whole road")
+        if (self.shape is None) != (self.at_m is None) or (self.sunken and self.shape is None):
+            raise ValueError("has a bump or a hole; give its shape and at_m, the station where it begins")
         return self
 
 

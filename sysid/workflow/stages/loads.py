@@ -90,6 +90,10 @@ def _write_passes(predictions: Predictions, results: Results, folder: Path) -> S
 
         x = [axle.x_m for axle in results.campaign.vehicle.axles]
         written += write_bridge_figures(predictions.passes, x, folder, "load_effects_asked")
+    if any(p.road is not None for p in predictions.passes):
+        from sysid.report.road_figures import write_road_figures
+
+        written += write_road_figures(results.campaign, predictions.passes, folder, "road_asked")
     return (*written, *write_moving_forces(results.campaign, predictions, folder, results.judgement))
 
 
@@ -131,8 +135,29 @@ def show_predict(predictions: Predictions, results: Results) -> Blocks:
         if p.wheels is not None:
             yield _heaviest_wheel(p, p.wheels)
         yield from p.warnings
+    yield from _repeated(predictions)
     if predictions.source != "posterior":
         yield "There are no intervals: no posterior has been sampled yet (run, or sample)."
+
+
+def _repeated(predictions: Predictions) -> Blocks:
+    """How much of the load along a road repeats from pass to pass, where there are several over one road."""
+    from sysid.prediction.road_measures import passes_of_one_road, repeatability
+
+    pairs = [(a, b) for a, b in passes_of_one_road(predictions.passes) if a is not b]
+    if not pairs:
+        return
+    table = TextTable(
+        "Spatial repeatability: correlation of the load of all axles along the road (1: the same places bear most)",
+        ("road", "pass", "and pass", "correlation", "90 % interval"),
+    )
+    for a, b in pairs:
+        assert a.road is not None
+        assert b.road is not None
+        found = repeatability(a.road.aggregate_N, b.road.aggregate_N)
+        names = (f"{p.load_case}, {3.6 * p.speed_m_s:.4g} km/h" for p in (a, b))
+        table.add_row(a.shape, *names, f"{found.q50[0]:.2f}", _interval(found, 0, 2))
+    yield table
 
 
 def _interval(values: Quantiles, axle: int, places: int) -> str:
@@ -184,8 +209,13 @@ _PASS_OPTIONS = (
     Option("--top", "Flat top of a trapezoid [m] (default: a third of its length).", "top", kind=float,
            limits=(0.0, 100.0)),
     Option("--road", "Rough road of --speed in place of a bump: a class of ISO 8608 (A to H), with --length and "
-           "--seed, or a file with a measured profile (CSV with station_m and height_m, or OpenCRG).", "road",
-           metavar="CLASS|FILE"),
+           "--seed, or a file with a measured profile (CSV with station_m and height_m, ERD, or OpenCRG); several one "
+           "behind the other as C:200+deck.csv+C:100.", "road", metavar="CLASS|FILE"),
+    Option("--at", "Station [m] on the --road at which the bump of --bump FILE or --shape begins.", "at", kind=float,
+           limits=(0.0, ROAD_LENGTH_M)),
+    Option("--hole", "The shape of --at is a hole in the road, not a bump on it.", "hole", kind=bool),
+    Option("--stress-exponent", "Exponent of the damage that axle loads do to the --road (default: 4).",
+           "stress_exponent", kind=float, limits=(1.0, 12.0)),
     Option("--realisations", "Roads of the class that are driven, with seeds from --seed on (default: 1).",
            "realisations", kind=int, limits=(1, ROAD_REALISATIONS)),
     Option("--bridge", "Bridge of --speed in place of a bump: [bridge.NAME] of the campaign or a TOML file with its "
