@@ -64,6 +64,7 @@ ROOMS = {
 NO_ROOM = {
     "campaign": {
         "bridges",
+        "bump_shapes",
         "changed",
         "clipping",
         "declared",

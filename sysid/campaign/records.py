@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from sysid.campaign.bridges import BridgeCourse, BridgeDescription
+from sysid.campaign.bump_shapes import BumpShape as BumpShape
 from sysid.campaign.loggers import ClockFinding
 from sysid.campaign.priors import NamedPrior
 from sysid.campaign.roads import RoadCourse
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 #: What holds the speed: a driver or servo at once, a tow at constant speed, a cruise control slowly, or nothing.
 SpeedHeld = Literal["servo", "towed", "cruise", "free"]
-#: Bumps that are known by name.
-ShapeName = Literal["watts", "sinusoidal", "half_sine", "parabolic", "trapezoid", "points"]
 DeclaredKind = Literal[
     "suspension_deflection", "axle_acceleration", "body_acceleration", "pitch_rate", "speed", "air_pressure"
 ]
@@ -235,33 +234,6 @@ class Scan:
     heading_within_rad: float = math.radians(0.5)
     lateral_m: float = 0.0
     tires_m: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class BumpShape:
-    """A bump by name and size: `height_m`, `length_m` over all, `top_m` the flat top of a trapezoid (None: a third).
-
-    A shape named ``points`` has none of these but the heights of its stations along the road; `source` says which file
-    they come from, if any.
-    """
-
-    name: ShapeName
-    height_m: float | None = None
-    length_m: float | None = None
-    top_m: float | None = None
-    station_m: tuple[float, ...] = ()
-    heights_m: tuple[float, ...] = ()
-    source: str = ""
-
-    @property
-    def label(self) -> str:
-        """Name and size in words, or where it comes from."""
-        if self.source:
-            return self.source
-        if self.height_m is None or self.length_m is None:
-            return f"{self.name}, {len(self.station_m)} stations"
-        top = "" if self.top_m is None else f", top {self.top_m:g} m"
-        return f"{self.name} {1e3 * self.height_m:g} mm x {self.length_m:g} m{top}"
 
 
 @dataclass(frozen=True)

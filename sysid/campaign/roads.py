@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
 
+from sysid.campaign.bump_shapes import BumpShape
 from sysid.errors import CampaignError
 
 if TYPE_CHECKING:
     import numpy as np
-
-    from sysid.campaign.records import BumpShape
 
 #: Classes of roads by ISO 8608.
 RoadClass = Literal["A", "B", "C", "D", "E", "F", "G", "H"]

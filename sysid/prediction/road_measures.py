@@ -112,7 +112,7 @@ def aggregate_loads(forces: np.ndarray, shift: np.ndarray, length_m: float, step
     """
     along = _at_one_station(forces, shift, 1.0)
     sample = np.minimum(np.round(aggregate_stations(length_m) / step_m).astype(int), len(along) - 1)
-    return along[sample].astype(np.float32)
+    return np.asarray(along[sample], np.float32)
 
 
 def load_spectra(drives: Sequence[Drive], on_road: np.ndarray, interval_s: float) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 
 from sysid import plot
-from sysid.campaign.requests import driven_speeds
 from sysid.export import prediction_files
 from sysid.files import write_text
 from sysid.plot.style import styled
@@ -18,27 +17,32 @@ from sysid.report.drawing import Drawing, Draws, drawn
 from sysid.results.pass_limits import pass_name
 
 if TYPE_CHECKING:
-    from sysid.campaign.records import Campaign
     from sysid.prediction.predicted_passes import PassPrediction, RoadLoads
 
 
 def write_road_figures(
-    campaign: Campaign, passes: Sequence[PassPrediction], folder: Path, name: str
+    passes: Sequence[PassPrediction],
+    axle_x_m: Sequence[float],
+    driven_m_s: Mapping[str, Sequence[float]],
+    folder: Path,
+    name: str,
 ) -> tuple[Path, ...]:
     """Write the figures of passes over rough roads below the output `folder`, SVG; none without any.
 
-    `name` begins the names of figures that several passes share.
+    Parameters
+    ----------
+    axle_x_m : places of the axles behind axle 1 [m]; driven_m_s : speeds of the runs by load case [m/s].
+    name : begins the names of figures that several passes share.
     """
-    x = [axle.x_m for axle in campaign.vehicle.axles]
     figures: dict[str, Draws] = {}
     for p, file in zip(passes, prediction_files(passes), strict=True):
         if p.road is not None:
-            figures[f"{file.removesuffix('.csv')}_road.svg"] = partial(road_figure, p, p.road, x)
+            figures[f"{file.removesuffix('.csv')}_road.svg"] = partial(road_figure, p, p.road, axle_x_m)
     cases = dict.fromkeys(p.load_case for p in passes if p.road is not None)
     for number, case in enumerate(cases):
         over = [p for p in passes if p.road is not None and p.load_case == case]
         if len({p.speed_m_s for p in over}) > 1:
-            speeds = driven_speeds(campaign, case)
+            speeds = driven_m_s[case]
             driven = (min(speeds), max(speeds)) if speeds else None
             file = f"predictions/{name}_against_speed{number + 1 if len(cases) > 1 else ''}.svg"
             figures[file] = partial(_against_speed, over, driven)

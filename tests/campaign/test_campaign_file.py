@@ -325,7 +325,7 @@ def test_a_prediction_over_a_measured_road(small):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("road = { length_m = 500 }", "give class or file"),
+        ("road = { length_m = 500 }", "give one of class, file and parts"),
         ("road = { class = 'B' }", "give length_m"),
         ("road = { class = 'J', length_m = 500 }", "class"),
         ("road = { file = 'lane.csv', seed = 1 }", "seed and realisations belong to a class"),

@@ -91,9 +91,12 @@ def _write_passes(predictions: Predictions, results: Results, folder: Path) -> S
         x = [axle.x_m for axle in results.campaign.vehicle.axles]
         written += write_bridge_figures(predictions.passes, x, folder, "load_effects_asked")
     if any(p.road is not None for p in predictions.passes):
+        from sysid.campaign.requests import driven_speeds
         from sysid.report.road_figures import write_road_figures
 
-        written += write_road_figures(results.campaign, predictions.passes, folder, "road_asked")
+        x = [axle.x_m for axle in results.campaign.vehicle.axles]
+        speeds = {p.load_case: driven_speeds(results.campaign, p.load_case) for p in predictions.passes}
+        written += write_road_figures(predictions.passes, x, speeds, folder, "road_asked")
     return (*written, *write_moving_forces(results.campaign, predictions, folder, results.judgement))
 
 
