@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import NullFormatter
 
 from sysid.plot.predictions import DRIVEN
 from sysid.plot.style import MUTED, axes_or_new, axle_color, label, styled, thin
@@ -51,8 +52,7 @@ def load_spectrum(road: RoadLoads, ax: Axes | None = None) -> Axes:
     ax = axes_or_new(ax)
     shown = road.frequency_hz > 0.0
     _bands(ax, road.frequency_hz[shown], road.spectrum_N2_Hz, 1e-6, shown)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    _logarithmic(ax, "xy")
     top = 1e-6 * float(road.spectrum_N2_Hz.q50[:, shown].max(initial=0.0))
     if top > 0.0:
         ax.set_ylim(1e-5 * top, 3.0 * top)
@@ -68,7 +68,7 @@ def range_pairs(road: RoadLoads, ax: Axes | None = None) -> Axes:
     ax = axes_or_new(ax)
     every = np.ones(road.range_levels.size, bool)
     _bands(ax, road.range_levels, road.tire_ranges_per_km, 1.0, every)
-    ax.set_yscale("log")
+    _logarithmic(ax, "y")
     most = float(road.tire_ranges_per_km.q50.max(initial=0.0))
     ax.set_ylim(0.5, max(2.0 * most, 10.0))
     ax.set_xlim(0.0, float(road.range_levels[(road.tire_ranges_per_km.q50 > 0.3).any(axis=0)].max(initial=0.5)))
@@ -76,6 +76,14 @@ def range_pairs(road: RoadLoads, ax: Axes | None = None) -> Axes:
     ax.set_ylabel("larger ranges per km")
     ax.legend(loc="upper right")
     return ax
+
+
+def _logarithmic(ax: Axes, which: str) -> None:
+    """Logarithmic axes with plain numbers: figures set no mathematics."""
+    ax.set(**{f"{name}scale": "log" for name in which})
+    for axis in (getattr(ax, f"{name}axis") for name in which):
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
 
 
 def _bands(ax: Axes, x: np.ndarray, values: Quantiles, factor: float, shown: np.ndarray) -> None:
