@@ -124,7 +124,7 @@ def _bridge(campaign: Campaign | _Names, options: Mapping[str, Any]) -> BridgeCo
     return BridgeCourse(bridge, surface, vehicles or 1, 10.0 if gap is None else gap)
 
 
-def _whole_road(campaign: Campaign, options: Mapping[str, Any]) -> RoadCourse:
+def _whole_road(campaign: Campaign | _Names, options: Mapping[str, Any]) -> RoadCourse:
     """The road of --road, roads joined by ``+`` one behind the other, with the bump or the hole that lies on it."""
     from dataclasses import replace
 
