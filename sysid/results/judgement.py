@@ -108,13 +108,11 @@ def _against(results: Results) -> list[Reason]:
 
 def _unexplained(results: Results) -> list[Reason]:
     """Why values may be wrong by more than their intervals."""
-    from sysid.estimation.uncertainty.part_agreement import ACCEPTED
-
     reasons = []
     if results.fit is not None:
         if forbidding := [d for d in results.fit.parts if d.forbids]:
             reasons.append(Reason("parts_disagree", _disagreement(forbidding)))
-        elif any(d.scatter > ACCEPTED[d.quantity] for d in results.fit.parts):
+        elif any(d.scattered for d in results.fit.parts):
             reasons.append(Reason("parts_disagree", f"{_scatter(results.fit.parts)} Values may be wrong by more."))
         elif is_misfit(results.fit.misfit) and (untold := _untold(results)):
             reasons.append(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -36,3 +37,8 @@ class Cause:
     kind: CauseKind
     sentence: str
     modelled: bool = False
+
+
+def beside_mistakes(mistakes: Sequence[Cause], others: Sequence[Cause]) -> tuple[Cause, ...]:
+    """What else may be named: physics that the model took up beside a mistake that it lacks may only imitate it."""
+    return tuple(c for c in others if not (mistakes and c.modelled))

@@ -13,7 +13,7 @@ from functools import partial
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import Vehicle
-from sysid.estimation.fit.causes import Cause, CauseKind
+from sysid.estimation.fit.causes import Cause, CauseKind, beside_mistakes
 from sysid.estimation.fit.contact_trials import contact_trials
 from sysid.estimation.fit.evaluation import evaluate_optimum
 from sysid.estimation.fit.fit_result import FitResult, LawComparison
@@ -107,7 +107,7 @@ def fit_with_laws(
     rockers = tuple(s for s in load_shares(campaign.vehicle, fit.parameters) if s.name in added)
     frames = undeclared_frames(campaign.vehicle, parts, fit.parameters)
     # A good median hides what acts on few channels; parts of the data that disagree show it.
-    doubted = any(part.forbids for part in fit.parts)
+    doubted = any(part.forbids or part.scattered for part in fit.parts)
     mistakes = () if parts else likely_mistake(campaign, chosen, whatever_left=doubted)
     trials = contact_trials(campaign, chosen, profiles, options, report) if options.contact_spread else ()
     fit = replace(
@@ -117,9 +117,12 @@ def fit_with_laws(
         law_comparison=comparison,
         contact_trials=trials,
     )
-    warnings = (*fit.proposals, *(m.sentence for m in mistakes), *fit.warnings)
-    found = found_elements(campaign, chosen, declared_laws(campaign))
-    return replace(fit, warnings=warnings, causes=(*mistakes, *found, *fit.causes)), state
+    others = (*found_elements(campaign, chosen, declared_laws(campaign)), *fit.causes)
+    causes = (*mistakes, *beside_mistakes(mistakes, others))
+    left_out = {c.sentence for c in others if c not in causes}
+    kept = (w for w in fit.warnings if w not in left_out)
+    warnings = (*fit.proposals, *(m.sentence for m in mistakes), *kept)
+    return replace(fit, warnings=warnings, causes=causes), state
 
 
 @dataclass(frozen=True)

@@ -94,6 +94,11 @@ class PartDifference:
         """Whether the difference is seen and larger than anybody should accept."""
         return self.seen and abs(self.difference) > ACCEPTED[self.quantity]
 
+    @property
+    def scattered(self) -> bool:
+        """Whether all differences of the quantity scatter by more than anybody should accept."""
+        return self.scatter > ACCEPTED[self.quantity]
+
 
 @dataclass(frozen=True)
 class PartAgreement:
