@@ -40,9 +40,11 @@ def blameless():
     )
 
 
-def parts(difference, least_seen):
+def parts(difference, least_seen, scatter=0.0):
     """One division of the data in which k of axle 1 differs, and one that tells less."""
-    known = PartDifference("the slower runs", "the other runs", "k_1", "stiffness", difference, 0.01, least_seen)
+    known = PartDifference(
+        "the slower runs", "the other runs", "k_1", "stiffness", difference, 0.01, least_seen, scatter
+    )
     return known, replace(known, part="the deflections", rest="the other sensors", difference=0.0, least_seen=1.0)
 
 
@@ -72,6 +74,9 @@ def test_nothing_against_it_is_a_yes():
         ({"fit": replace(small_fit(), parts=parts(-0.015, 0.01))}, "use_within", "Yes, within limits", False),
         ({"fit": replace(small_fit(), parts=parts(-0.025, 0.01))}, "do_not_bet", "Do not bet on them", True),
         ({"fit": replace(small_fit(), parts=parts(-0.025, 0.03))}, "use", "Yes", False),
+        # Many small differences together.
+        ({"fit": replace(small_fit(), parts=parts(0.009, 0.01, 0.015))}, "use_within", "Yes, within limits", False),
+        ({"fit": replace(small_fit(), parts=parts(0.009, 0.01, 0.025))}, "do_not_bet", "Do not bet on them", True),
         ({"fit": replace(small_fit(), impossible=("slip = 7.7 m.",))}, "do_not_bet", "Do not bet on them", True),
         # Just below the limit, as it is printed, and where nothing is known.
         ({"fit": replace(small_fit(), misfit=MISFIT - 0.006)}, "use", "Yes", False),
