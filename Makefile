@@ -8,7 +8,7 @@ PIP := -m pip --quiet --disable-pip-version-check
 LOCKED := --require-hashes --only-binary :all: --requirement
 LOCK := uv pip compile --quiet --universal --no-build --python-version 3.11 --generate-hashes --no-header --no-annotate
 
-.PHONY: run quick test test-lowest test-long lock parts audit fuzz test-browser docs wheel bench bench-jobs bench-long coverage first-look plank-drops faults check-faults check-numbers damages kills soak fleets independent changes lint format clean
+.PHONY: run quick test test-lowest test-long lock parts audit fuzz test-browser test-bridges docs wheel bench bench-jobs bench-long coverage first-look plank-drops faults check-faults check-numbers damages kills soak fleets independent changes lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -31,6 +31,11 @@ fuzz: $(VENV)/.dev
 test-browser: $(VENV)/.dev
 	cd tests/report/browser && npm install --silent --no-audit --no-fund
 	$(BIN)/python -m pytest -m browser tests/report
+
+# The examples for other bridge programs, installed for this alone. OpenSees needs libblas3 and liblapack3 of the system.
+test-bridges: $(VENV)/.dev
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[bridges]"
+	$(BIN)/python -m pytest -m bridges tests/export
 
 # The documentation as a site in build/site; warnings are errors.
 docs: $(VENV)/.dev
