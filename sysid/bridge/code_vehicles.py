@@ -106,7 +106,7 @@ LOAD_MODELS: tuple[LoadModel, ...] = (
     _m1600(),
     LoadModel(
         "HB 45",
-        "CS 454 (BS 5400-2, 6.3): four axles of 45 units of 10 kN, 1.8 m, 6 to 26 m and 1.8 m apart; the allowance is "
+        "BS 5400-2:2006, 6.3: four axles of 45 units of 10 kN, 1.8 m, 6 to 26 m and 1.8 m apart; the allowance is "
         "in the loads",
         tuple((AxleTrain((450.0,) * 4, _behind(1.8, inner, 1.8)), 0.0) for inner in (6.0, 11.0, 16.0, 21.0, 26.0)),
     ),

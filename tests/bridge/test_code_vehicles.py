@@ -80,6 +80,32 @@ def test_cl625_and_hb_at_mid_span():
     assert model_effect(bridge, line(bridge, "moment"), model("HB 45")) == pytest.approx(1e3 * hb, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("name", "length_m", "moment_kN_m"),
+    [
+        # Tandem 600 (10 / 4 - 1.2 / 4) = 1320; 27 x 10^2 / 8 = 337.5.
+        ("LM1", 10.0, 1657.5),
+        # Tandem 1.33 (110 x 2.5 + 110 x 1.9) = 643.72; 9.3 x 10^2 / 8 = 116.25.
+        ("HL-93", 10.0, 759.97),
+        # Truck 1.33 (145 x 5 + 145 x 2.85 + 35 x 2.85) = 1646.54; 9.3 x 20^2 / 8 = 465.
+        ("HL-93", 20.0, 2111.54),
+        # Axles 1 to 3 with 30 %: 1.3 (50 x 0.7 + 125 x 2.5 + 125 x 1.9) = 760.5; with a lane 0.8 x 585 + 112.5 = 580.5.
+        ("CL-625", 10.0, 760.5),
+        # Three axles around the middle 120 (1.875 + 2.5 + 1.875) = 750; 6 x 10^2 / 8 = 75; both with 30 %.
+        ("M1600", 10.0, 1072.5),
+        # Two axles of 450 kN: 450 (2.5 + 1.6).
+        ("HB 45", 10.0, 1845.0),
+    ],
+)
+def test_moments_that_were_written_by_hand(name: str, length_m: float, moment_kN_m: float):
+    """Moment at mid-span of a simple beam, the influence line being (L / 2 - |x|) / 2."""
+    bridge = simple(length_m)
+    found = model_effect(bridge, line(bridge, "moment"), model(name))
+    assert found == pytest.approx(1e3 * moment_kN_m, rel=1e-6)
+    longer = simple(1.001 * length_m)
+    assert model_effect(longer, line(longer, "moment"), model(name)) != pytest.approx(1e3 * moment_kN_m, rel=1e-6)
+
+
 def test_shear_beside_an_axle_at_the_end():
     """All of the tandem at a support: 300 (1 + (L - 1.2) / L) and q L / 2."""
     length = 20.0
