@@ -98,4 +98,10 @@ def differences(pair, axle: int, factor: float) -> Record:
         if d.quantity in ("stiffness", "damping")
     ]
     others = [d.name for d in pair.of("suspension") if d.changed and d.quantity not in ("stiffness", "damping")]
-    return {"entries": entries, "also": others, "shared": list(pair.shared), "remarks": list(pair.remarks)}
+    return {
+        "entries": entries,
+        "also": others,
+        "shared": list(pair.shared),
+        "remarks": list(pair.remarks),
+        "undecided": pair.undecided,
+    }

@@ -51,6 +51,7 @@ def replicate(number: int, seed: int = SEED) -> Record:
     from sysid.selftest.readings import simulated_campaign
     from sysid.selftest.replicates import OPTIONS
     from sysid.selftest.world import draw_world
+    from sysid.threads import one_blas_thread
 
     planned, parameters, profiles, instruments = _planned()
     random = np.random.default_rng([seed, number])
@@ -63,7 +64,8 @@ def replicate(number: int, seed: int = SEED) -> Record:
         folders = [Path(place) / name for name in ("before", "after")]
         for turn, (folder, one) in enumerate(zip(folders, worlds, strict=True)):
             readings = simulated_campaign(planned, one, profiles, instruments, random)
-            fit, _ = fit_bump_runs(readings, parameters, profiles, OPTIONS)
+            with one_blas_thread():
+                fit, _ = fit_bump_runs(readings, parameters, profiles, OPTIONS)
             results = Results(campaign=planned, fit=fit, provenance={"seed": turn})
             folder.mkdir()
             write_result(results, folder / "result.json")

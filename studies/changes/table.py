@@ -18,14 +18,18 @@ def holds(entry: Record) -> bool:
 
 
 def tables(records: Sequence[Record]) -> str:
-    """Markdown: changes found, false alarms, intervals that hold and their widths."""
+    """Markdown: changes found, false alarms, intervals that hold and their widths.
+
+    Intervals are those of pairs about which `compare` decides.
+    """
     good = [r for r in records if r["failed"] is None]
+    decided = [r for r in good if not r["undecided"]]
     changed = [r for r in good if r["factor"] != 1.0]
     same = [r for r in good if r["factor"] == 1.0]
     found = sum(any(e["truth"] != 0.0 and e["changed"] for e in r["entries"]) for r in changed)
     wrong = sum(any(e["truth"] == 0.0 and e["changed"] for e in r["entries"]) or bool(r["also"]) for r in changed)
     alarms = sum(any(e["changed"] for e in r["entries"]) or bool(r["also"]) for r in same)
-    entries = [e for r in good for e in r["entries"]]
+    entries = [e for r in decided for e in r["entries"]]
     lines = [
         "| pairs | one damper by 10 %: found | there something else called changed | unchanged: called changed "
         "| 90 % intervals of differences of k and c that hold | median half-width of c |",
@@ -38,17 +42,18 @@ def tables(records: Sequence[Record]) -> str:
         f"| {len(records)} | {found} of {len(changed)} | {wrong} of {len(changed)} | {alarms} of {len(same)} "
         f"| {held} of {len(entries)} ({share:.0f} %) | {100.0 * width:.2g} % |"
     )
-    alone = [sd for r in good for sd in r.get("log_sd_alone", ())]
+    alone = [sd for r in decided for sd in r.get("log_sd_alone", ())]
     if alone:
         ratio = np.median(alone) / np.median([e["log_sd"] for e in entries])
         lines += ["", f"Without cancelling, intervals would be {ratio:.1f} times as wide (medians)."]
     apart = sum(any("do not agree" in s for s in r["remarks"]) for r in good)
-    open_ = sum(any("is called changed" in s for s in r["remarks"]) for r in good)
+    unsettled = sum("did not converge" in r["undecided"] for r in good)
     laws = sum(any("laws differ" in s for s in r["remarks"]) for r in good)
     lines += [
         "",
-        f"Shared errors on which the campaigns did not agree: {apart} of {len(good)} pairs, {open_} of them left "
-        "undecided because it was about the masses. Axles with other laws "
+        f"Left undecided: {len(good) - len(decided)} of {len(good)} pairs, {unsettled} of them because a fit did not "
+        "converge, the others because the campaigns contradict each other about the masses; intervals are those of the "
+        f"other pairs. Shared errors on which the campaigns did not agree: {apart} pairs. Axles with other laws "
         f"before than after: {laws} of {len(good)} pairs. Not fitted: {len(records) - len(good)}.",
     ]
     return "\n".join(lines)

@@ -11,20 +11,28 @@ from rich.console import Console
 from sysid.cli.guarded import guarded
 from sysid.cli.tables import render
 from sysid.display import TextTable, shown_unit
+from sysid.numbers import fixed
 from sysid.workflow.stage import Blocks
 
 if TYPE_CHECKING:
     from sysid.comparison import Comparison, Comparisons
 
 
-def run_compare(folders: tuple[Path, ...], output: Path, as_json: bool, cancel: bool, opens: bool) -> int:
+def run_compare(
+    folders: tuple[Path, ...],
+    output: Path,
+    as_json: bool,
+    cancel: bool,
+    opens: bool,
+    campaigns: tuple[Path, ...] = (),
+) -> int:
     """Compare output folders, write page, figure and table, and return the exit code."""
 
     def do(screen: Console, errors: Console) -> int:
         from sysid.comparison import compare
         from sysid.comparison.files import comparison_json, write_comparison
 
-        comparisons = compare(*folders, cancel=cancel)
+        comparisons = compare(*folders, cancel=cancel, campaigns=campaigns)
         written = write_comparison(comparisons, output)
         if as_json:
             # Not by the console, which would fold long lines.
@@ -51,6 +59,8 @@ def show_comparisons(comparisons: Comparisons) -> Blocks:
 def _show_pair(pair: Comparison) -> Blocks:
     from sysid.comparison.differences import ERROR_RATE
     from sysid.comparison.page import (
+        AGREEMENT,
+        AGREEMENT_COLUMNS,
         HEADINGS,
         answer,
         change_words,
@@ -80,5 +90,10 @@ def _show_pair(pair: Comparison) -> Blocks:
             f"{100.0 * ERROR_RATE:g} % of comparisons. Higher: probability that the second value is. "
             "Brackets hold 90 %."
         )
+    if pair.agreement:
+        table = TextTable(AGREEMENT, AGREEMENT_COLUMNS)
+        for a in pair.agreement:
+            table.add_row(f"{a.run} ({a.recorded_by})", fixed(a.own, 2), fixed(a.other, 2))
+        yield table
     yield shared_words(pair)
     yield from pair.remarks

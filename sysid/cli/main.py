@@ -154,13 +154,24 @@ def selftest(campaign: Path, replicates: int, seed: int) -> None:
 @click.option("--output", default="comparison", show_default=True, type=output_option.folder,
               help="Folder for page, figure and table.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print the comparison as JSON instead of tables.")
+@click.option("--campaign", "campaigns", multiple=True, metavar="CAMPAIGN",
+              type=click.Path(exists=True, path_type=Path),
+              help="Campaign file of a folder, once for each in their order: the truck of each then drives the runs of "
+                   "the other.")  # fmt: skip
 @click.option("--nothing-shared", is_flag=True, help="Cancel no errors: the intervals are those of separate trucks.")
 @click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
-def compare(folders: tuple[Path, ...], output: Path, as_json: bool, nothing_shared: bool, opens: bool) -> None:
+def compare(
+    folders: tuple[Path, ...],
+    output: Path,
+    as_json: bool,
+    campaigns: tuple[Path, ...],
+    nothing_shared: bool,
+    opens: bool,
+) -> None:
     """Did it change? Differences of finished campaigns (output folders) from the first, shared errors cancelled."""
     from sysid.cli.compare import run_compare
 
-    sys.exit(run_compare(folders, output, as_json, not nothing_shared, opens))
+    sys.exit(run_compare(folders, output, as_json, not nothing_shared, opens, campaigns))
 
 
 cli.add_command(LaterGroup("sysid.cli.fleet", "fleet", FLEET_HELP))

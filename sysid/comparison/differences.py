@@ -185,7 +185,7 @@ def _parameters(
                 float(np.sqrt(max(covariance[n, n], 0.0))),
             )
         )
-    return _decided(found, tested=not shared.contradict)
+    return _decided(found, tested=not shared.undecided)
 
 
 def _band(log_middle: float, variance: float) -> tuple[float, float, float]:

@@ -58,6 +58,7 @@ def comparison_document(comparisons: Comparisons) -> dict[str, Any]:
                 "one_truck": pair.one_truck,
                 "shared": list(pair.shared),
                 "remarks": list(pair.remarks),
+                "undecided": pair.undecided,
                 "differences": [row(pair, d) for d in pair.differences],
                 "agreement": [asdict(a) for a in pair.agreement],
             }

@@ -28,6 +28,10 @@ HEADINGS: dict[Family, str] = {
     "tires": "Tires",
 }
 
+#: Table of runs that the trucks of both campaigns drive.
+AGREEMENT = "Residual over noise of every run, medians over its channels"
+AGREEMENT_COLUMNS = ("run", "by its own truck", "by the other's")
+
 
 @dataclass(frozen=True)
 class PairPart:
@@ -46,7 +50,7 @@ def answer(pair: Comparison) -> str:
     """What has changed, in a sentence."""
     tested = [d for d in pair.differences if d.p_adjusted is not None and d.family == "suspension"]
     if not tested and pair.of("suspension"):
-        return "Undecided: the campaigns contradict each other about the masses."
+        return f"Undecided: {pair.undecided}."
     if not tested:
         return "Nothing of the suspensions could be compared."
     found = [f"{row_name(d)} {change_words(d)}" for d in pair.changed if d.family == "suspension"]
@@ -194,8 +198,7 @@ def _agreement_table(pair: Comparison) -> Table | None:
     if not pair.agreement:
         return None
     rows = [[Cell(a.run, note=a.recorded_by), Cell(fixed(a.own, 2)), Cell(fixed(a.other, 2))] for a in pair.agreement]
-    head = ("run", "by its own truck", "by the other's")
-    return table("Residual over noise of every run, medians over its channels", head, rows)
+    return table(AGREEMENT, AGREEMENT_COLUMNS, rows)
 
 
 def _campaign_table(campaigns: list[Campaign]) -> Table:

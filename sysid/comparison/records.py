@@ -86,13 +86,14 @@ class Campaign:
 class Agreement:
     """How well one campaign's truck explains a run of the other: medians over its channels.
 
-    `own` residual over noise of the campaign that recorded the run, `other` by the truck of the other campaign.
+    `own` residual over noise before the bump in the fit of the campaign that recorded the run, `other` by the truck of
+    the other campaign, which has not seen the run; None where no channel shows its noise.
     """
 
     run: str
     recorded_by: str
-    own: float
-    other: float
+    own: float | None
+    other: float | None
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,8 @@ class Comparison(Tabular):
     - `one_truck`: whether both are of one truck;
     - `differences` by family, the order of the parameters kept;
     - `shared`: errors that both have in common, in words; `remarks`: sentences to read with the table;
-    - `agreement` on each other's runs, empty where none was computed.
+    - `undecided`: why nothing of the suspensions is called changed, empty where that can be said;
+    - `agreement` on each other's runs, empty where no campaign files were given.
     """
 
     first: Campaign
@@ -111,6 +113,7 @@ class Comparison(Tabular):
     differences: tuple[Difference, ...]
     shared: tuple[str, ...]
     remarks: tuple[str, ...]
+    undecided: str = ""
     agreement: tuple[Agreement, ...] = ()
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
@@ -17,6 +18,9 @@ _SAME_PLACE_M = 0.05
 _SAME_VALUE = 1e-6
 #: Errors that two campaigns estimate as far apart as would happen by chance with this probability are not shared.
 _APART = 1e-3
+#: Campaigns are compared along directions in which the data of both take at least this share of the prior variance
+#: away: where one says nothing, it contradicts nobody.
+_SAID = 0.1
 #: What is bound to the load on the truck, and so to its weighing.
 _OF_LOAD = ("axle_load_factor", "pitch_inertia_factor", "cg_height_factor")
 _SCALE = "axle_load_scale_factor"
@@ -35,14 +39,15 @@ _WORDS = {
 class SharedErrors:
     """Pairs of indices (first, second) of errors that are one, in words; `remarks` say what is not and why.
 
-    `contradict`: the campaigns do not agree on the masses. Then one of them carried another load than its file says, or
-    a fit ended where it should not have: neither is a change of a suspension, and nothing is called one.
+    `undecided` says in words why nothing is called changed, empty where that can be said. If the campaigns do not agree
+    on the masses, one of them carried another load than its file says, or a fit ended where it should not have: neither
+    is a change of a suspension.
     """
 
     pairs: tuple[tuple[int, int], ...]
     words: tuple[str, ...]
     remarks: tuple[str, ...]
-    contradict: bool = False
+    undecided: str = ""
 
 
 def one_truck(first: StoredResult, second: StoredResult) -> tuple[bool, str]:
@@ -90,7 +95,8 @@ def shared_errors(first: StoredResult, second: StoredResult, same_truck: bool) -
     if any(kind in _TIRES for kind in kinds):
         words.append("contact of the tires with the bump")
     contradict = any(first.errors[i].kind in _WORDS for i in {i for i, _ in pairs} - {i for i, _ in kept})
-    return SharedErrors(tuple(kept), tuple(words), tuple(remarks), contradict)
+    undecided = "the campaigns contradict each other about the masses" if contradict else ""
+    return SharedErrors(tuple(kept), tuple(words), tuple(remarks), undecided)
 
 
 def _same_name(first: StoredResult, second: StoredResult, key: str) -> bool:
@@ -125,8 +131,8 @@ def _not_apart(
 ) -> list[tuple[int, int]]:
     """The pairs without kinds of errors on which the campaigns do not agree.
 
-    With H_a, H_b the information of both about common errors y ~ N(0, P), and the covariances Y = (H + L)^-1 of each
-    with its own prior, the estimates differ by u ~ N(0, M P M' + Y_a H_a Y_a + Y_b H_b Y_b), M = Y_a H_a - Y_b H_b.
+    With H_a, H_b the information of both about common errors w ~ N(0, I) in units of their prior, the estimates Y_a h_a
+    and Y_b h_b, Y = (H + I)^-1, differ by u ~ N(0, M M' + Y_a H_a Y_a + Y_b H_b Y_b), M = Y_a H_a - Y_b H_b.
     """
     kept = list(pairs)
     for kinds, words in ((_TIRES, "the tires' contact"), ((*_WORDS,), "the masses")):
@@ -134,24 +140,16 @@ def _not_apart(
         if not of_kind:
             continue
         rows, columns = (list(index) for index in zip(*of_kind, strict=True))
-        spread, here = np.zeros((len(rows), len(rows))), []
-        moved, prior = [], np.zeros(len(rows))
-        for result, chosen in ((first, rows), (second, columns)):
-            known = result.error_covariance[np.ix_(chosen, chosen)]
-            sd = np.array([result.errors[k].sd for k in chosen])
-            shrunk = np.eye(len(chosen)) - known
-            spread += np.outer(sd, sd) * (known @ shrunk)
-            moved.append(sd[:, None] * shrunk / sd)
-            here.append(sd * np.array([result.errors[k].estimate for k in chosen]))
-            prior = np.maximum(prior, sd)
-        apart = (moved[0] - moved[1]) * prior
-        spread += apart @ apart.T
-        spread = 0.5 * (spread + spread.T)
-        unit = np.sqrt(np.maximum(np.diag(spread), 1e-300))
-        values, vectors = np.linalg.eigh(spread / np.outer(unit, unit))
-        seen = values > 1e-6
-        score = vectors[:, seen].T @ ((here[0] - here[1]) / unit)
-        if seen.any() and chi2.sf(float(np.sum(score**2 / values[seen])), int(seen.sum())) < _APART:
+        prior_sd = np.array([max(first.errors[i].sd, second.errors[j].sd) for i, j in of_kind])
+        one, other = _said(first, rows, prior_sd), _said(second, columns, prior_sd)
+        apart = one.taken - other.taken
+        spread = apart @ apart.T + one.spread + other.spread
+        # The parallel sum of two matrices: small where either is.
+        both, directions = np.linalg.eigh(2.0 * one.taken @ np.linalg.pinv(one.taken + other.taken) @ other.taken)
+        seen = directions[:, both > _SAID]
+        difference = seen.T @ (one.estimate - other.estimate)
+        square = float(difference @ np.linalg.solve(seen.T @ spread @ seen, difference)) if seen.size else 0.0
+        if seen.size and chi2.sf(square, seen.shape[1]) < _APART:
             names = listing(
                 [w for kind, w in _WORDS.items() if kind in {first.errors[i].kind for i in rows}] or [words]
             )
@@ -163,3 +161,26 @@ def _not_apart(
                 )
             kept = [p for p in kept if p not in of_kind]
     return kept
+
+
+class _Said(NamedTuple):
+    """What the data of a campaign say of s errors in units of a prior: `estimate` (s,), and (s, s) the share `taken` of
+    the prior variance, Y H = I - Y, and the `spread` of the estimate about what it would be without noise, Y H Y.
+    """
+
+    estimate: np.ndarray
+    taken: np.ndarray
+    spread: np.ndarray
+
+
+def _said(result: StoredResult, chosen: Sequence[int], prior_sd: np.ndarray) -> _Said:
+    """Some errors of a campaign as they would be estimated with other prior standard deviations (s,) than its own."""
+    share = np.array([result.errors[k].sd for k in chosen]) / prior_sd
+    inverse = np.linalg.inv(result.error_covariance[np.ix_(chosen, chosen)])
+    unit = np.eye(len(chosen))
+    information = (inverse - unit) / np.outer(share, share)
+    covariance = np.linalg.inv(information + unit)
+    covariance = 0.5 * (covariance + covariance.T)
+    score = inverse @ np.array([result.errors[k].estimate for k in chosen]) / share
+    taken = unit - covariance
+    return _Said(covariance @ score, taken, covariance @ taken)

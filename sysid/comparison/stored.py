@@ -65,6 +65,7 @@ class _Declared(_Part):
 
 class _Covariance(_Part):
     schema_: Literal[1] = Field(alias="schema")
+    converged: bool = True
     estimates: list[StoredEstimate]
     covariance: Matrix
     errors: list[StoredError]
@@ -116,7 +117,7 @@ class StoredResult:
     """What one finished campaign says.
 
     - `folder`: its output folder, `label` its name in tables;
-    - `status`, `trust` and `reasons` as in `result.json`;
+    - `status`, `trust` and `reasons` as in `result.json`; `converged`: whether its fit ended at a minimum;
     - `estimates` (p) with `covariance` (p, p) of their logarithms, `sampled` whether it is that of a posterior;
     - `errors` (q) with `error_covariance` (q, q) in prior standard deviations, `sensitivity` (p, q) of the logarithms;
     - `axles` by name, `x_m` behind the first, `axle_loads_kg` as weighed by load case;
@@ -128,6 +129,7 @@ class StoredResult:
     title: str
     identity: Identity
     status: Status
+    converged: bool
     trust: Trust | None
     reasons: tuple[str, ...]
     test: Mapping[str, str | None]
@@ -191,6 +193,7 @@ def read_result(folder: Path) -> StoredResult:
         title=read.campaign,
         identity=identity,
         status=read.status,
+        converged=joint.converged,
         trust=None if read.verdict is None else read.verdict.trust,
         reasons=() if read.verdict is None else tuple(read.verdict.reasons),
         test=details,

@@ -22,13 +22,14 @@ if TYPE_CHECKING:
 #: A number up whenever a key changes its meaning or goes; new keys leave it.
 SCHEMA_VERSION = 1
 COVARIANCE_FILE = "covariance.json"
-#: Digits of the numbers: far more than they have meaning.
-_DIGITS = 9
+#: Digits of the numbers: what data say of an error is left when its prior, a thousand times as strong, is taken away.
+_DIGITS = 12
 
 
 def covariance_document(results: Results) -> dict[str, Any] | None:
     """The content of `covariance.json` as plain Python objects; None before a fit.
 
+    - `converged`: whether least squares ended at a minimum; else all of this is that of some other point;
     - `estimates`: per parameter its median `log_value` (of the value in its SI `unit`), and what it is;
     - `covariance`: of these logarithms, everything else integrated out;
     - `errors`: of declared masses and of the contact model, in standard deviations `sd` before the data: `kind`,
@@ -45,6 +46,7 @@ def covariance_document(results: Results) -> dict[str, Any] | None:
     return {
         "schema": SCHEMA_VERSION,
         "identity": {"run": identity.run, "result_sha256": identity.result_sha256},
+        "converged": bool(fit.converged),
         "estimates": [
             {
                 "name": p.name,

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.estimation.fit.fit_result import FitResult
-from sysid.estimation.fit.left_out import fit_without
+from sysid.estimation.fit.left_out import driven_by, fit_without
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.progress import Progress, unwatched
 from sysid.validation.agreement import history_agreement
-from sysid.validation.channel_agreement import LeftOutRun
+from sysid.validation.channel_agreement import ChannelAgreement, LeftOutRun
 
 
 def leave_out(
@@ -53,6 +53,25 @@ def leave_out(
             start_s=history.start_s,
             channels=tuple(history_agreement(history, out_of_sample=True)),
         )
+
+
+def by_another_truck(truck: FitState, fit: FitResult, recorded: FitState) -> tuple[ChannelAgreement, ...]:
+    """Agreement of the runs of a campaign with the truck of another fit, which has not seen them.
+
+    Runs in load cases that the other campaign does not know, or knows with other axle loads, are left out.
+
+    Parameters
+    ----------
+    truck : the other fit, of the same vehicle.
+    fit, recorded : results and state of the campaign that recorded the runs.
+    """
+    rows: list[ChannelAgreement] = []
+    for number, run in enumerate(recorded.campaign.bump_runs):
+        known = truck.campaign.load_cases.get(run.load_case)
+        if known is not None and known.axle_loads_kg == recorded.campaign.load_cases[run.load_case].axle_loads_kg:
+            history = _in_the_same_noise(driven_by(truck, recorded, number), fit)
+            rows += history_agreement(history, out_of_sample=True)
+    return tuple(rows)
 
 
 def _in_the_same_noise(history: RunHistory, fit: FitResult) -> RunHistory:

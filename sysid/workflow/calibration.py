@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from sysid.estimates.records import Estimates
     from sysid.estimation.fit.fit_result import FitResult
     from sysid.estimation.fit.profiles import ProfileLikelihood
+    from sysid.estimation.fit.state import FitState
     from sysid.estimation.residuals.run_history import RunHistory
     from sysid.planning.advice_records import Advice
     from sysid.posterior.named_density import NamedDensity
@@ -328,6 +329,24 @@ class Calibration:
         The fits take the suspension laws and the drops of the fit of all runs.
         """
         return self.result(stages.VALIDATE, {"left_out": tuple(runs), "leave_one_out": not runs})
+
+    def finished_fit(self) -> tuple[FitResult, FitState]:
+        """Results of the fit, and the point from which later stages start, read back; nothing is computed.
+
+        Raises
+        ------
+        CampaignError
+            If the output folder holds no fit of this campaign file with these settings.
+        """
+        from sysid.workflow.stages.fit import fit_state
+
+        known = self._runner.known(stages.FIT)
+        if known is None:
+            raise CampaignError(
+                f"{self.output.name}/ holds no fit of {self._inputs.read.file.name} as that file and its logs are now; "
+                "name the campaign file of the folder, or run 'fit' again."
+            )
+        return known.fit, fit_state(self._runner.context(stages.LEFT_OUT))
 
     def vehicles(self) -> tuple[CalibratedVehicle, ...]:
         """The calibrated vehicle of every load case with data, at the posterior medians if there are any.

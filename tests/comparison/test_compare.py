@@ -122,7 +122,21 @@ def test_nothing_is_called_changed_where_the_masses_contradict_each_other(tmp_pa
     assert apart.changed == ()
     assert apart["c_2"].p_adjusted is None
     assert apart["c_2"].probability_larger < 1e-6
-    assert answer(apart).startswith("Undecided")
+    assert answer(apart) == "Undecided: the campaigns contradict each other about the masses."
+
+
+def test_nothing_is_called_changed_where_a_fit_did_not_converge(tmp_path) -> None:
+    """A fit that ended elsewhere has values and a covariance of no minimum."""
+    first = write_folder(tmp_path / "a", results(seed=1))
+    changed = results(seed=2, change={"c_2": 0.5})
+    elsewhere = replace(changed, fit=replace(changed.fit, converged=False), provenance={"seed": 3})
+    folders = [write_folder(tmp_path / name, of) for name, of in (("b", changed), ("c", elsewhere))]
+    for cancel in (True, False):
+        settled, open_ended = sysid.compare(first, *folders, cancel=cancel).pairs
+        assert [d.name for d in settled.changed] == ["c_2"]
+        assert open_ended.changed == ()
+        assert open_ended["c_2"].p_adjusted is None
+        assert answer(open_ended) == "Undecided: the fit of c did not converge."
 
 
 def test_other_laws_are_not_compared(before, tmp_path) -> None:

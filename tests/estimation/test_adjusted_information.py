@@ -266,6 +266,7 @@ def test_the_mode_is_that_of_the_posterior(maps_follow: bool):
         data=None,
         response=SimpleNamespace(amounts=np.zeros(0)),
         parts=PartAgreement((), np.zeros((0, 3))),
+        mode=np.zeros(0),
     )
     model = SimpleNamespace(
         parameters=SimpleNamespace(prior_pull=lambda x: (rows.T @ (rows @ x - targets), prior)),

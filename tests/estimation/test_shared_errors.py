@@ -29,9 +29,7 @@ def fitted() -> tuple[SimpleNamespace, SimpleNamespace]:
     follow = np.eye(COUNT) + 0.1 * random.normal(size=(COUNT, COUNT))
     amounts = 0.3 * sd * random.normal(size=sd.size)
     data = SimpleNamespace(matrix=rows.T @ rows, prior=np.diag([0.5, 1.0, 2.0]), sd=sd)
-    adjusted = SimpleNamespace(
-        data=data, integrated=SimpleNamespace(following=follow), response=SimpleNamespace(amounts=amounts)
-    )
+    adjusted = SimpleNamespace(data=data, integrated=SimpleNamespace(following=follow), mode=amounts)
     return SimpleNamespace(masses=masses, departures=SimpleNamespace(directions=directions)), adjusted
 
 
@@ -54,7 +52,7 @@ def test_known_errors_move_the_estimates_as_in_dense_least_squares(fitted) -> No
     shared = [COUNT + k for k in kept]
     response = -np.linalg.solve(precision, matrix[np.ix_(free, shared)])[:COUNT] * data.sd[kept]
     np.testing.assert_allclose(found.sensitivity, response, rtol=1e-6, atol=1e-9 * np.abs(response).max())
-    np.testing.assert_allclose(found.estimate, adjusted.response.amounts[kept] / data.sd[kept])
+    np.testing.assert_allclose(found.estimate, adjusted.mode[kept] / data.sd[kept])
 
 
 def test_their_covariance_is_that_of_all_unknowns_together(fitted) -> None:

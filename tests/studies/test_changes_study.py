@@ -15,8 +15,9 @@ def entry(name: str, truth: float, found: float, sd: float, changed: bool) -> di
     return {"name": name, "quantity": quantity, **values}
 
 
-def record(factor: float, *entries: dict, remarks: tuple[str, ...] = ()) -> dict:
-    return {"factor": factor, "failed": None, "entries": list(entries), "also": [], "remarks": list(remarks)}
+def record(factor: float, *entries: dict, remarks: tuple[str, ...] = (), undecided: str = "") -> dict:
+    said = {"remarks": list(remarks), "undecided": undecided}
+    return {"factor": factor, "failed": None, "entries": list(entries), "also": [], **said}
 
 
 def test_every_kind_of_trucks_comes_changed_and_unchanged() -> None:
@@ -31,15 +32,14 @@ def test_the_table_counts_what_is_found_missed_and_wrong() -> None:
         record(0.9, entry("c_1", truth, -0.11, 0.01, True), entry("k_1", 0.0, 0.0, 0.01, False)),
         record(0.9, entry("c_1", truth, -0.05, 0.05, False), entry("k_1", 0.0, 0.2, 0.01, True)),
         record(1.0, entry("c_1", 0.0, 0.01, 0.01, False), entry("k_1", 0.0, 0.0, 0.01, False)),
-        record(
-            1.0,
-            entry("c_1", 0.0, 0.05, 0.01, True),
-            remarks=("They do not agree; nothing is called changed.",),
-        ),
+        record(1.0, entry("c_1", 0.0, 0.05, 0.01, True), remarks=("They do not agree on the tires' contact.",)),
+        record(0.9, entry("c_1", truth, 0.5, 0.01, False), undecided="the fit of after did not converge"),
+        record(0.9, entry("c_1", truth, 0.5, 0.01, False), undecided="the campaigns contradict each other"),
         {**record(1.0), "failed": "why"},
     ]
-    assert [holds(e) for r in records for e in r["entries"]] == [True, True, True, False, True, True, False]
+    assert [holds(e) for r in records for e in r["entries"]] == [True] * 3 + [False] + [True] * 2 + [False] * 3
     text = tables(records)
-    assert "| 5 | 1 of 2 | 1 of 2 | 1 of 2 | 5 of 7 (71 %) |" in text
-    assert "did not agree: 1 of 4 pairs, 1 of them left undecided" in text
+    assert "| 7 | 1 of 4 | 1 of 4 | 1 of 2 | 5 of 7 (71 %) |" in text
+    assert "Left undecided: 2 of 6 pairs, 1 of them because a fit did not converge" in text
+    assert "did not agree: 1 pairs" in text
     assert "Not fitted: 1." in text

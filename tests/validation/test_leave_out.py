@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fit_states import state_at
 from rigid_truck import SENSORS, bump, campaign, empty_run, true_log_parameters, with_values
 from synthetic_fit import NOISE
 
@@ -22,7 +23,7 @@ from sysid.report.agreement import left_out_table
 from sysid.validation import validate
 from sysid.validation.channel_agreement import LeftOut, LeftOutRun
 from sysid.validation.chosen_runs import chosen_runs
-from sysid.validation.leave_out import leave_out
+from sysid.validation.leave_out import by_another_truck, leave_out
 from sysid.workflow import store
 
 FILES = ("runs/slow.csv", "runs/middle.csv", "runs/fast.csv")
@@ -50,12 +51,17 @@ def measured_campaign():
 
 
 @pytest.fixture(scope="module", params=["footprint", "point"])
-def left(request):
+def fitted(request):
     data, parameters = measured_campaign()
     options = FitOptions(weight_rounds=1, second_solver=False, contact=request.param)
-    fit, state = fit_bump_runs(data, parameters, PROFILES, options)
+    return options, *fit_bump_runs(data, parameters, PROFILES, options)
+
+
+@pytest.fixture(scope="module")
+def left(fitted):
+    options, fit, state = fitted
     found = tuple(leave_out(fit, state, FILES, options))
-    return request.param, fit, LeftOut(fit.names, found, validate(fit).channels)
+    return options.contact, fit, LeftOut(fit.names, found, validate(fit).channels)
 
 
 def mean_square(rows, fit):
@@ -80,6 +86,32 @@ def test_out_of_sample_residuals(left):
         assert beyond == pytest.approx(1.0, abs=0.1)
     assert beyond > within
     assert all(run.converged for run in result.runs)
+
+
+def test_runs_driven_by_the_truck_of_another_fit(fitted):
+    """The truck behind the records leaves noise; one whose damper is 30 % stronger, or with other loads, does not."""
+    options, fit, state = fitted
+    if options.contact == "point":
+        return
+    names = state.parameters.names
+    truth = true_log_parameters(names)
+    weights, motion = state.point.weights, state.point.motion
+    tires = map_tires(state.parameters, truth)
+    model = bump_model(state.campaign, state.parameters, PROFILES, tires=tires)
+
+    def by(sets: np.ndarray) -> list:
+        return by_another_truck(state_at(state.campaign, model, sets, motion, weights), fit, state)
+
+    rows = by(truth)
+    assert {row.run for row in rows} == set(FILES)
+    assert all(row.out_of_sample for row in rows)
+    assert mean_square(rows, fit) == pytest.approx(1.0, abs=0.05)
+    other = truth + np.log(1.3) * np.array([name == "c_1" for name in names])
+    assert mean_square(by(other), fit) > 1.3
+    case = state.campaign.bump_runs[0].load_case
+    heavier = replace(state.campaign.load_cases[case], axle_loads_kg=(9000.0, 9000.0))
+    weighed = replace(state.campaign, load_cases={case: heavier})
+    assert by_another_truck(state_at(weighed, model, truth, motion, weights), fit, state) == ()
 
 
 def test_speed_and_start_are_the_runs_own(left):

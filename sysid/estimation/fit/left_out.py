@@ -59,6 +59,28 @@ def fit_without(
     return LeftOutFit(values, optimum.minimum.converged, history)
 
 
+def driven_by(truck: FitState, recorded: FitState, run: int) -> RunHistory:
+    """A run of one campaign as the truck of another fit drives it: the parameters, masses and contact of that fit.
+
+    Motion, offset and gain of sensors are found from the record, as for a run that is left out; the noise is that of
+    the campaign that recorded it.
+
+    Parameters
+    ----------
+    truck : a fit of the same vehicle, with the load case of the run.
+    run : index of the run in the campaign of `recorded`.
+    """
+    part, own, motion, weights = _part(recorded, (run,))
+    campaign, point = replace(truck.campaign, bump_runs=part.bump_runs), truck.point
+    # Its own bumps too: what a fit found of their heights is counted by bump.
+    model = model_of(campaign, {**truck.profiles, **recorded.profiles}, point, truck.campaign)
+    model = with_sides(model, point.log_parameters, motion)
+    motion = _own_motion(Problem(model, campaign, motion, weights), point.log_parameters)
+    noise = noise_before(own, motion)
+    (history,) = run_histories(campaign, model, weights, motion, point.log_parameters, *noise)
+    return history
+
+
 def _own_motion(problem: Problem, log_parameters: Parameters) -> RunMotion:
     """Motions that suit the records best while the parameters stay as they are."""
 

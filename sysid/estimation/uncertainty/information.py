@@ -193,7 +193,9 @@ class AdjustedInformation:
     - `slope` (p,): gradient of the log-likelihood with all that integrated out, at the optimum;
     - `data`: for computing what more data would add;
     - `response`: of masses and departures to the parameters;
-    - `parts`: whether parts of the data agree.
+    - `parts`: whether parts of the data agree;
+    - `mode` (q,): masses and departures at the optimum of the equations above, with the scales of departures found
+      here. Where a scale is next to nothing, the fit ends before it.
     """
 
     information: ParametersByParameters
@@ -203,6 +205,7 @@ class AdjustedInformation:
     data: DataInformation
     response: MassResponse
     parts: PartAgreement
+    mode: np.ndarray
 
 
 def adjusted_information(
@@ -260,7 +263,8 @@ def adjusted_information(
     grows[: masses.sd.size] = masses.scales
     integrated = integrated_unknowns(matrix, prior, effects, sd, here, grows, factor, follow)
     inflation = factor * of_blocks.inflation
-    return AdjustedInformation(known.precision(), integrated, inflation, slope, known, response, parts)
+    mode = here + spread.step.amounts
+    return AdjustedInformation(known.precision(), integrated, inflation, slope, known, response, parts, mode)
 
 
 def _parts(data: BlockInformation) -> np.ndarray:

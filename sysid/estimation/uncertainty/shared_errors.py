@@ -44,11 +44,9 @@ def further_unknowns(allowances: Allowances, adjusted: AdjustedInformation) -> F
     joint = equations.covariance
     covariance = joint[np.ix_(rows, rows)] / np.outer(sd, sd)
     sensitivity = np.linalg.solve(covariance, (joint[:count, rows] / sd).T).T
-    amounts = adjusted.response.amounts
-    estimate = amounts[chosen] / sd if amounts.size else np.zeros(len(chosen))
-    return FurtherUnknowns(
-        tuple(unknown for j in chosen if (unknown := named[j]) is not None), estimate, covariance, sensitivity
-    )
+    unknowns = tuple(unknown for j in chosen if (unknown := named[j]) is not None)
+    # Not where the fit ended: an estimate must belong to its covariance, above all where both are next to nothing.
+    return FurtherUnknowns(unknowns, adjusted.mode[chosen] / sd, covariance, sensitivity)
 
 
 def _named(allowances: Allowances, number: int, sd: float) -> FurtherUnknown | None:
