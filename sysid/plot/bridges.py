@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,22 +65,30 @@ def effect_history(loads: BridgeLoads, effect: LoadEffect, ax: Axes | None = Non
     ax.axhline(0.0, color=MUTED, lw=0.8)
     ax.set_xlabel("time after axle 1 is at the first support [s]")
     ax.set_ylabel(unit)
-    ax.set_title(f"{label(effect.name, 36)}: amplification {effect.amplification.q50[0]:.3f}")
+    ax.set_title(f"{label(effect.title, 36)}: amplification {effect.amplification.q50[0]:.3f}")
     ax.legend(loc="best")
     return ax
 
 
 @styled
-def amplification_against_speed(passes: Sequence[PassPrediction], ax: Axes | None = None) -> Axes:
-    """Dynamic over static of every load effect against speed, with its band: passes over one bridge."""
+def amplification_against_speed(
+    passes: Sequence[PassPrediction], ax: Axes | None = None, shown: Collection[str] | None = None
+) -> Axes:
+    """Dynamic over static of load effects against speed, with their bands: passes over one bridge.
+
+    Parameters
+    ----------
+    shown : titles of the load effects, all of them if None.
+    """
     ax = axes_or_new(ax)
     of_bridge = sorted((p for p in passes if p.bridge is not None), key=lambda p: p.speed_m_s)
     speed = np.array([3.6 * p.speed_m_s for p in of_bridge])
-    curves: dict[tuple[str, str], list[LoadEffect]] = {}
+    curves: dict[str, list[LoadEffect]] = {}
     for p in of_bridge:
         for e in p.bridge.effects if p.bridge is not None else ():
-            curves.setdefault((e.name, e.sense), []).append(e)
-    for k, ((name, sense), effects) in enumerate(curves.items()):
+            if shown is None or e.title in shown:
+                curves.setdefault(e.title, []).append(e)
+    for k, (title, effects) in enumerate(curves.items()):
         if len(effects) != speed.size:
             continue
         bands = [e.amplification for e in effects]
@@ -89,10 +97,9 @@ def amplification_against_speed(passes: Sequence[PassPrediction], ax: Axes | Non
         high = [b.q95[0] for b in bands if b.q95 is not None]
         if len(low) == len(high) == speed.size:
             ax.fill_between(speed, low, high, color=axle_color(k), alpha=0.2, lw=0)
-        ax.plot(speed, middle, color=axle_color(k), marker="o", ms=3,
-                label=label(name if sense == "largest" else f"{name}, least"))  # fmt: skip
+        ax.plot(speed, middle, color=axle_color(k), marker="o", ms=3, label=label(title))
     ax.axhline(1.0, color=MUTED, lw=0.8, ls=":")
     ax.set_xlabel("speed [km/h]")
     ax.set_ylabel("dynamic / static load effect [-]")
-    ax.legend(loc="upper left", fontsize=7)
+    ax.legend(loc="best", fontsize=7)
     return ax

@@ -51,6 +51,11 @@ class LoadEffect:
     concurrent: np.ndarray
     codes: tuple[CodeEffect, ...] = ()
 
+    @property
+    def title(self) -> str:
+        """The name, and the sense where it is not the largest value."""
+        return self.name if self.sense == "largest" else f"{self.name}, {self.sense}"
+
 
 @dataclass(frozen=True)
 class BridgeLoads(Tabular):

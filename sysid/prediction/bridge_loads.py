@@ -342,6 +342,11 @@ def _said(request: PredictionRequest, loads: BridgeLoads, misfit: float) -> list
             f"may be off by {100.0 * misfit:.0f} % of the static load."
         )
     surface = course.surface
+    if surface is not None and surface.course.roughness is not None and surface.course.realisations == 1:
+        said.append(
+            f"{request.bump}: the intervals are those of the vehicle on this one surface. Another surface of class "
+            f"{surface.course.roughness} changes the amplification, often by more: add --realisations 5 or more."
+        )
     if surface is not None and surface.course.roughness is None and surface.bridge_at_m < _SHORT_S * request.speed_m_s:
         said.append(
             f"{request.bump}: the surface begins {surface.bridge_at_m:g} m before the bridge, less than "

@@ -97,6 +97,8 @@ def bridge_figure(p: PassPrediction, loads: BridgeLoads, axle_x_m: Sequence[floa
 
 @styled
 def _amplification(passes: Sequence[PassPrediction]) -> Axes:
-    ax = plot.amplification_against_speed(passes, plot.figure(7.2, 4.2).add_subplot())
+    # Of all load effects nobody could tell the curves apart, and a small one is amplified without meaning.
+    shown = {e.title for p in passes[:1] if p.bridge is not None for e in shown_effects(p.bridge)}
+    ax = plot.amplification_against_speed(passes, plot.figure(7.2, 4.2).add_subplot(), shown)
     ax.set_title(plot.label(f"{passes[0].load_case}, {passes[0].shape}", 90))
     return ax

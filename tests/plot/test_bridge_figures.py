@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bridge_results import loads, over
@@ -34,6 +36,15 @@ def test_amplification_against_speed():
     curve = next(line for line in ax.lines if line.get_label() == "moment at 10 m")
     assert np.allclose(curve.get_xdata(), [36.0, 72.0])
     assert np.allclose(curve.get_ydata(), [1.1, 1.3])
+    one = plot.amplification_against_speed([over(20.0, loads())], shown={"deflection at 10 m"})
+    assert [t.get_text() for t in one.get_legend().get_texts()] == ["deflection at 10 m"]
+
+
+def test_the_least_value_is_called_so():
+    """Beside a larger one of the other sense the number in a title would be read as its."""
+    least = replace(loads().effects[0], sense="least")
+    ax = plot.effect_history(loads(), least)
+    assert ax.get_title(loc="left") == "moment at 10 m, least: amplification 1.200"
 
 
 def test_files_of_passes(tmp_path):

@@ -26,7 +26,7 @@ def shown_bridge(p: PassPrediction, loads: BridgeLoads) -> Blocks:
     for e in loads.effects:
         factor, unit, places = _SHOWN.get(e.unit, _SHOWN[""])
         table.add_row(
-            e.name,
+            e.title,
             unit,
             *(f"{factor * getattr(e, name).q50[0]:.{places}f}" for name in ("static", "rolling", "dynamic")),
             _interval(e.dynamic, factor, places),
@@ -50,7 +50,7 @@ def _codes(loads: BridgeLoads) -> TextTable:
         ("load effect", *models),
     )
     for e in loads.effects:
-        table.add_row(e.name, *(over_code(e, c.value) for c in e.codes))
+        table.add_row(e.title, *(over_code(e, c.value) for c in e.codes))
     return table
 
 
