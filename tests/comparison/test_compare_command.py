@@ -87,3 +87,40 @@ def test_names_of_strangers_stay_words(tmp_path) -> None:
     assert not {"\x00", "\u202e"} & {*shown, *page}
     table = (tmp_path / "out" / "comparison.csv").read_text(encoding="utf-8")
     assert not {"\x00", "\u202e"} & {*table}
+
+
+def test_each_truck_on_the_runs_of_the_other(folders, tmp_path, monkeypatch) -> None:
+    """The campaign files go with the folders in their order; the table is on screen, page and in JSON."""
+    from sysid.comparison import agreement
+    from sysid.comparison.records import Agreement
+
+    asked: list[tuple[str, str]] = []
+
+    def finished(campaign, folder, label):
+        asked.append((Path(campaign).name, label))
+        return label
+
+    def on_each_other(first, second):
+        return (Agreement("runs/a.csv", first, 1.02, 1.31), Agreement("runs/b.csv", second, None, None)), ("Left out.",)
+
+    monkeypatch.setattr(agreement, "finished", finished)
+    monkeypatch.setattr(agreement, "on_each_other", on_each_other)
+    files = [tmp_path / "one.toml", tmp_path / "two.toml"]
+    words = []
+    for file in files:
+        file.write_text("", encoding="utf-8")
+        words += ["--campaign", str(file)]
+    code, shown, _ = run(*folders[:2], *words, "--output", str(tmp_path / "out"))
+    assert code == 0
+    assert asked == [("one.toml", "before"), ("two.toml", "after")]
+    assert "runs/a.csv (before)" in shown
+    assert "1.31" in shown
+    assert "Left out." in shown
+    page = (tmp_path / "out" / "comparison.html").read_text(encoding="utf-8")
+    assert "1.31" in page
+    code, shown, _ = run(*folders[:2], *words, "--json", "--output", str(tmp_path / "out"))
+    (pair,) = json.loads(shown)["pairs"]
+    assert pair["agreement"][1] == {"run": "runs/b.csv", "recorded_by": "after", "own": None, "other": None}
+    code, _, said = run(*folders[:2], *words[:2], "--output", str(tmp_path / "out"))
+    assert code == 2
+    assert "1 campaign file for 2 folders" in said
