@@ -34,19 +34,27 @@ TOGETHER = 20
 CONTACT_ERROR = 0.006
 
 
+#: Standard deviation of a side's share of its axle's load over what the model makes of it: frames are twisted,
+#: springs stand unlike each other, and roll is linear. An assumption: of one simulated truck of other equations, shares
+#: were off by up to 0.02 at rest and 0.04 at the peaks.
+SHARE_ERROR = 0.02
+
+
 @dataclass(frozen=True)
 class VehicleDraws:
     """One vehicle for each of n draws of the parameters.
 
     - `amounts` (n, m + d): log factors on the m uncertain masses, then amplitudes of the d departures;
     - `stops`: the assumed ones, None without any;
-    - `contact_error` (n, na): relative error of the dynamic force of every wheel, None for none.
+    - `contact_error` (n, na): relative error of the dynamic force of every axle, None for none;
+    - `share_error` (n, na): error of the left side's share of the axle's load, None for none.
     """
 
     allowances: Allowances
     amounts: np.ndarray
     stops: AssumedStops | None = None
     contact_error: np.ndarray | None = None
+    share_error: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         given, width = self.amounts.shape[1], self.allowances.count
@@ -55,9 +63,9 @@ class VehicleDraws:
 
     def first(self, count: int) -> VehicleDraws:
         """The vehicles of the first draws."""
-        error = None if self.contact_error is None else self.contact_error[:count]
+        error, share = (None if e is None else e[:count] for e in (self.contact_error, self.share_error))
         stops = self.stops and self.stops.first(count)
-        return replace(self, amounts=self.amounts[:count], stops=stops, contact_error=error)
+        return replace(self, amounts=self.amounts[:count], stops=stops, contact_error=error, share_error=share)
 
 
 def vehicles_of(
@@ -80,10 +88,13 @@ def vehicles_of(
         return None, stops
     amounts = response.mean(sets) if random is None else response.draws(sets, random)
     drawn = assumed_stops(vehicle, parameters, driven, random, count)
-    error = None if random is None else CONTACT_ERROR * random.standard_normal((count, len(vehicle.axles)))
+    error, share = (
+        None if random is None else sd * random.standard_normal((count, len(vehicle.axles)))
+        for sd in (CONTACT_ERROR, SHARE_ERROR)
+    )
     # Other bumps are known without their sides; the unknowns are those of the fit.
     allowances = replace(campaign_allowances(campaign, parameters, roads), masses=state.allowances.masses)
-    return VehicleDraws(allowances, amounts, drawn, error), stops
+    return VehicleDraws(allowances, amounts, drawn, error, share), stops
 
 
 class DrawnVehicles(NamedTuple):

@@ -31,10 +31,10 @@ def wheel_loads(
 ) -> WheelLoads | None:
     """Loads of left and right wheels; None where the fit knows nothing of roll, or the bump has no sides.
 
-        F_left,right = (F +- D) / 2,    D = D_0 + sum_j dD/du_j (u_j - u_0j),    0 <= F_left,right <= F
+        F_left,right = (F +- D) / 2,    D = D_0 + sum_j dD/du_j (u_j - u_0j) + 2 e F,    0 <= F_left,right <= F
 
     with the axle's load F of a draw, the difference D_0 of the mean truck of all draws as it rolls, and the unknowns u
-    of left and right of the draw. How D changes with the other parameters is left out.
+    of left and right and the error e of the draw. How D changes with the other parameters is left out.
 
     Parameters
     ----------
@@ -73,11 +73,15 @@ def wheel_loads(
     moving = runs.load_difference()[:, :, 0, None] + runs.load_difference_columns(unknowns)[:, :, 0] @ off
     time = interval_s * np.arange(samples)
     grid = stride * interval_s * np.arange(len(moving))
+    error = 2.0 * (np.zeros_like(static_N) if vehicles.share_error is None else vehicles.share_error.T)
+    at_rest = at_rest + error * static_N
     left = np.empty_like(tire_N)
     for i in range(tire_N.shape[1]):
         for draw in range(tire_N.shape[2]):
+            force = tire_N[:, i, draw]
             apart = at_rest[i, draw] + np.interp(time, grid, moving[:, i, draw])
-            left[:, i, draw] = np.clip(0.5 * (tire_N[:, i, draw] + apart), 0.0, tire_N[:, i, draw])
+            apart += error[i, draw] * (force - static_N[i, draw])
+            left[:, i, draw] = np.clip(0.5 * (force + apart), 0.0, force)
     sides = (left, tire_N - left)
     rest = [0.5 * (static_N + sign * at_rest) for sign in (1.0, -1.0)]
     return WheelLoads(

@@ -21,14 +21,16 @@ from sysid.vehicle_model.passes import EffectiveRoads
 REQUEST = PredictionRequest("empty", 5.0)
 
 
-def predicted(sensors=RIGHT, to_the_left_m: float = 0.0, profile=None) -> PassPrediction:
+def predicted(sensors=RIGHT, to_the_left_m: float = 0.0, profile=None, share: float | None = None) -> PassPrediction:
     data, model, x = made(sensors)
     roads = EffectiveRoads(data.vehicle, data.load_cases, {"bump": profile or turned()})
     allowances = campaign_allowances(data, model.parameters, model.felt)
     amounts = np.zeros((1, allowances.count))
     for j, factor in enumerate(allowances.masses.factors):
         amounts[0, j] = to_the_left_m * (factor.quantity == CG_SIDE)
-    return predict_pass(data, model.parameters, roads, REQUEST, x[None], VehicleDraws(allowances, amounts))
+    error = None if share is None else np.full((1, len(data.vehicle.axles)), share)
+    vehicles = VehicleDraws(allowances, amounts, share_error=error)
+    return predict_pass(data, model.parameters, roads, REQUEST, x[None], vehicles)
 
 
 def test_both_sides_make_up_the_axle_and_the_left_meets_the_bump_first() -> None:
@@ -64,6 +66,20 @@ def test_a_load_to_the_left_presses_on_the_left() -> None:
     moment = 0.05 * EMPTY.sprung_mass_kg[0] * data.vehicle.gravity_m_s2
     assert float(lever @ (static[0] - static[1])) == pytest.approx(moment, rel=1e-6)
     assert np.all(p.wheels.peak_N.q50[0] > level.wheels.peak_N.q50[0])
+
+
+def test_an_error_of_the_shares_moves_load_from_side_to_side() -> None:
+    level, moved = (predicted(share=share).wheels for share in (None, 0.03))
+    assert level is not None
+    assert moved is not None
+    axle = level.force_N.q50.sum(axis=0)
+    change = moved.force_N.q50[0] - level.force_N.q50[0]
+    # Where no wheel is off the road or carries all.
+    inside = np.all((moved.force_N.q50 > 0.0) & (level.force_N.q50 > 0.0), axis=0)
+    np.testing.assert_allclose(change[inside], 0.03 * axle[inside], atol=1e-6)
+    np.testing.assert_allclose(
+        moved.static_N.q50 - level.static_N.q50, 0.03 * np.stack([axle[:, 0], -axle[:, 0]]), 1e-3
+    )
 
 
 def test_nothing_is_said_without_roll() -> None:
