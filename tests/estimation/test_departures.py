@@ -11,7 +11,6 @@ from rigid_truck import EMPTY, LADEN, VEHICLE, bump, campaign, empty_run
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import AxleGroup
-from sysid.estimation.parameters.axle_laws import axle_laws
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
@@ -28,7 +27,6 @@ from sysid.estimation.uncertainty.departures import (
     RIGID,
     SPOKES,
     TIRE_LOAD,
-    TRAILING,
     Departure,
     Departures,
 )
@@ -116,24 +114,6 @@ def test_bushings_of_an_amplitude_are_those_of_the_law_and_none_is_a_rigid_dampe
         assert np.abs(one - plain).max() > 1e-2 * np.abs(plain).max()
     for one, two in zip(*(simulate_runs(m, start, MOTION) for m in (ours, stiff)), strict=True):
         np.testing.assert_allclose(one, two, rtol=1e-4, atol=1e-6 * np.abs(one).max())
-
-
-def test_links_lead_wheels_by_their_amplitude_but_not_those_of_a_beam(model):
-    data, parameters, ours = model
-    known = known_departures(data, parameters, ours)
-    straight, aft = (known.model(ours, amplitudes(known, TRAILING, b)) for b in (0.0, 0.07))
-    assert straight.arrays[0].laws.trailing is None
-    np.testing.assert_allclose(aft.arrays[0].laws.trailing, [0.07] * 3)
-    suspension, _ = axle_laws(aft.arrays[0].laws, parameters.start[:, None])
-    np.testing.assert_allclose(suspension.trailing, 0.07)
-    for plain, moved in zip(*(simulate_runs(m, parameters.start, MOTION) for m in (straight, aft)), strict=True):
-        assert np.abs(plain - moved).max() > 1e-3 * np.abs(plain).max()
-    vehicle = replace(VEHICLE, groups=(AxleGroup("bogie", (1, 2), 300.0, 90.0),))
-    case = replace(EMPTY, sprung_mass_kg=(EMPTY.sprung_mass_kg[0] - 300.0,))
-    grouped = campaign([empty_run("a.csv", 6.0, samples=150)], load_cases=(case,), vehicle=vehicle)
-    of_group = bump_model(grouped, campaign_parameters(grouped, None), {"bump": bump()})
-    directions = known_departures(grouped, campaign_parameters(grouped, None), of_group).directions
-    assert [d.axle for d in directions if d.kind == TRAILING] == [0, None]
 
 
 def test_the_slope_by_bushings_of_rigid_dampers_is_that_of_stiff_ones(model):

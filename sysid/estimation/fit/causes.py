@@ -17,7 +17,6 @@ CauseKind = Literal[
     "air_spring",
     "stops",
     "bump",
-    "links",
     "own_springs",
     "mass",
     "sensor",

@@ -34,7 +34,6 @@ from sysid.estimation.uncertainty.departures import (
     FRICTION,
     SPOKES,
     TIRE_LOAD,
-    TRAILING,
     Departure,
 )
 from sysid.estimation.uncertainty.normal_equations import NormalEquations
@@ -51,19 +50,8 @@ from sysid.estimation.uncertainty.residual_columns import (
 #: whole way to another contact law; 0.2 in the footprint's log stiffness and in the spokes' exponent; 10 % of a tire's
 #: stiffness beyond its load law; 3 % of the load as friction (leaf packs have 2 to 10 %, general knowledge); bushings
 #: of 4 MN/m (2 to 20 MN/m are usual, :data:`sysid.estimation.parameters.suspension_elements.BUSHING_STIFFNESS`); 5 % of
-#: the height of a bump, which rubber gives under a wheel, and a scan may miss where it was taken; a tenth of the jounce
-#: by which links and the fixed eyes of leaf packs lead a wheel fore or aft: a link of 0.6 m that slopes by 60 mm, its
-#: pivot above or below the axle.
-PLAUSIBLE = {
-    ENVELOPE: 1.0,
-    FOOTPRINT: 0.2,
-    SPOKES: 0.2,
-    TIRE_LOAD: 0.1,
-    FRICTION: 0.03,
-    BUSHING: 0.25,
-    BUMP: 0.05,
-    TRAILING: 0.1,
-}
+#: the height of a bump, which rubber gives under a wheel, and a scan may miss where it was taken.
+PLAUSIBLE = {ENVELOPE: 1.0, FOOTPRINT: 0.2, SPOKES: 0.2, TIRE_LOAD: 0.1, FRICTION: 0.03, BUSHING: 0.25, BUMP: 0.05}
 #: Changes of a departure count in at least this share of its plausible scale. Data that show none of a kind make its
 #: scale arbitrarily small: friction of 1e-5 of the load is then a standard deviation, and changes nothing else.
 _COUNTED = 0.01
