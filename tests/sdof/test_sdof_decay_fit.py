@@ -34,8 +34,8 @@ TIME = np.arange(0.0, 2.0, 0.005)
 START, STUCK = (-0.045, 0.1, -0.01, 0.2), -1.0
 
 
-def integrated(car, start=START):
-    """Extension (n,) by DOP853."""
+def integrated(car, start=START, method="DOP853"):
+    """Extension (n,) by one of SciPy's integrators."""
 
     def rates(_, s):
         y, v, w, u, z = s
@@ -46,7 +46,7 @@ def integrated(car, start=START):
         return [v, -force / car["mass"] - wheel, u, wheel, (v - abs(v) * z) / car["slip"]]
 
     first = [*start, STUCK]
-    return solve_ivp(rates, (0.0, 2.0), first, "DOP853", t_eval=TIME, rtol=1e-8, atol=1e-10, max_step=2e-3).y[0]
+    return solve_ivp(rates, (0.0, 2.0), first, method, t_eval=TIME, rtol=1e-8, atol=1e-10, max_step=2e-3).y[0]
 
 
 def by_toolkit(car, start=START):
@@ -69,6 +69,22 @@ def test_motion_is_that_of_another_integrator(law):
     np.testing.assert_allclose(by_toolkit(CAR | law), expected, atol=1e-7 if not law else 6e-5)
     if law:
         assert np.abs(by_toolkit(CAR) - expected).max() > 1e-3
+
+
+@pytest.mark.parametrize("slip_m", [1e-3, 1e-4, 1e-5, 1e-6])
+def test_friction_at_any_slip_length(slip_m):
+    """Slip lengths far below what a step resolves: the motion is right, and smooth in the unknowns."""
+    car = CAR | {"mass": 3580.0, "unsprung": 520.0, "damping": 3e3, "stiffness": 3.2e5, "friction": 9e2}
+    expected = integrated(car | {"slip": slip_m}, method="LSODA")
+    np.testing.assert_allclose(by_toolkit(car | {"slip": slip_m}), expected, atol=1.2e-4)
+
+    def slope(share):
+        return (
+            by_toolkit(car | {"slip": slip_m, "damping": 3e3 * (1.0 + share)}) - by_toolkit(car | {"slip": slip_m})
+        ) / share
+
+    by_large, by_small = slope(1e-3), slope(1e-6)
+    np.testing.assert_allclose(by_small, by_large, atol=0.05 * np.abs(by_large).max())
 
 
 def test_a_tire_never_pulls():
