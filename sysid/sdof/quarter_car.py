@@ -84,6 +84,8 @@ class QuarterCars:
         # all of it, which does not oscillate.
         stiff = step**2 * self.friction / self.slip * (1.0 / self.mass + 1.0 / self.unsprung)
         rubbing = self.friction * (after[:, 0] + stiff * both[:, 0]) / (1.0 + stiff)
+        per_slip = 1.0 / self.slip
+        held = np.maximum(-rubbing[0] * per_slip, 1e-300)
 
         def forces(s: np.ndarray) -> list[np.ndarray]:
             """Of the suspension beyond the linear one, and of the road beyond the linear tire [N], (p,) each."""
@@ -105,12 +107,13 @@ class QuarterCars:
                 ahead += both[:, i] * force
             if rubs:
                 ahead += both[:, 0] * (self.friction * z)
-                # The move u under the friction at its end: u = free + held exp(-u / slip), by the Lambert function.
-                way = np.sign(ahead[0] - s[0])
-                held = rubbing[0] * (z * way - 1.0)
-                free = np.abs(ahead[0] - s[0]) - held
-                move = free + self.slip * wrightomega(np.log(held / self.slip) - free / self.slip)
-                was, z = z, way + (z - way) * np.exp(-move / self.slip)
+                # The move u is that under friction that stays, less what the friction at its end holds back in slip
+                # lengths, held (1 - z w) (1 - exp(-|u| / slip)), w its direction: by the Lambert function.
+                move = ahead[0] - s[0]
+                way = np.copysign(1.0, move)
+                rest = held * np.maximum(1.0 - z * way, 0.0)
+                left = wrightomega(np.log(rest) + rest - np.abs(move) * per_slip)
+                was, z = z, way * (1.0 - left / held)
                 ahead += rubbing * (z - was)
             then = forces(ahead)
             for i, (force, later) in enumerate(zip(now, then, strict=True)):
