@@ -5,6 +5,17 @@ stage are three small batched matrix products and the rest is elementwise. The c
 in its second-order (Nystrom) form advances positions and velocities; the integral of each clipped tire force over the
 step is corrected exactly at lift-off (:mod:`sysid.vehicle_model.kink`). Everything that does not depend on the state is
 computed before the loop.
+
+Links lead the wheel of axle i aft by b_i times its jounce. With the extension e_i, its rate v_i and the horizontal tire
+force H_i, the wheel is b_i e_i further ahead and b_i v_i faster than without. The body holds it against H_i and against
+its own mass m_ui, with a pull along its slope:
+
+    (1 + b_i^2) m_ui z_i'' = V_i - static load + S_i + D_i - b_i H_i + m_ui (b_i t_i + b_i^2 a_i) q'',
+    on the body  H_i + X_i  forward at the wheel,  S_i + D_i - b_i (H_i + X_i - m_ui t_i q'')  as pull,
+    X_i = b_i m_ui (z_i'' - a_i q''),
+
+t_i q and a_i q the motion of the body at wheel and suspension. Accelerations of bodies and wheels depend on each other:
+they are computed with q'' = 0 in these terms, and then once more.
 """
 
 from __future__ import annotations
@@ -111,18 +122,27 @@ def _forces(
         nominal = nominal + motion.faster(motion.change, time_s)
     advance = shift[:, axles : 2 * axles]
     speed = drift[:, axles : 2 * axles] + nominal[:, None]
+    extension = shift[:, :axles] - state.axle
+    rate = drift[:, :axles] - state.axle_rate
+    if suspension.trailing is not None:
+        advance, speed = advance + suspension.trailing * extension, speed + suspension.trailing * rate
     unclipped, drag = contact_force(
         tire, road, advance, speed, _at_wheels(matrices, state.axle), _at_wheels(matrices, state.axle_rate)
     )
     vertical = jnp.maximum(unclipped, 0.0)
     horizontal = drag * vertical
-    extension = shift[:, :axles] - state.axle
-    rate = drift[:, :axles] - state.axle_rate
     inner = state.inner if inner_at is None else inner_at(Extension(extension, rate))
     damper_rate = rate if inner.damper_rate is None else inner.damper_rate
     pull = _carried(matrices, suspension_force(suspension, extension, damper_rate, inner.slip, matrices.sharing))
+    along_links: jax.Array | float = 0.0 if suspension.trailing is None else suspension.trailing * horizontal
+    axle = _unsprung_acceleration(matrices, vertical - along_links - matrices.static_load, pull)
+    pulled, pushed = pull, horizontal
+    if suspension.trailing is not None:
+        axle = axle / (1.0 + suspension.trailing**2)
+        pushed = horizontal + suspension.trailing * axle / matrices.inverse_unsprung
+        pulled = pull - suspension.trailing * pushed
     body = (
-        jnp.matmul(matrices.acceleration, jnp.concatenate([pull, horizontal], axis=1))
+        jnp.matmul(matrices.acceleration, jnp.concatenate([pulled, pushed], axis=1))
         + shift[:, 2 * axles :]
         + drift[:, 2 * axles :]
     )
@@ -130,7 +150,14 @@ def _forces(
         amplitude, swing = (jnp.matmul(matrices.frames.select, x) for x in (state.body, state.body_rate))
         straightening = suspension.frames.stiffness * amplitude + suspension.frames.damping * swing
         body = body + jnp.matmul(matrices.frames.push, straightening)
-    axle = _unsprung_acceleration(matrices, vertical - matrices.static_load, pull)
+    if suspension.trailing is not None:
+        above, along = jnp.split(jnp.matmul(matrices.position[:, : 2 * axles], body), 2, axis=1)
+        carried = suspension.trailing * (along + suspension.trailing * above) / (1.0 + suspension.trailing**2)
+        axle = axle + carried
+        further = suspension.trailing * (carried - above)
+        more = jnp.concatenate([-suspension.trailing * (further - along), further], axis=1)
+        unsprung = jnp.concatenate([matrices.inverse_unsprung] * 2, axis=1)
+        body = body + jnp.matmul(matrices.acceleration, more / unsprung)
     return _Forces(body, axle, unclipped, horizontal, pull, extension, rate, damper_rate, state.body_rate)
 
 

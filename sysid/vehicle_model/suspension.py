@@ -70,6 +70,7 @@ class SuspensionLaw(NamedTuple):
       2 F_c w, and approached over z_s (P. S. Fancher et al., Measurement and representation of the mechanical
       properties of truck leaf springs, SAE 800905, 1980, doi:10.4271/800905).
     - `compliance` 1/k_b [m/N] of the rubber bushings in series with the damper; 0 holds it rigidly.
+    - `trailing` b: the wheel goes aft by b times its jounce, forward if b < 0 (:mod:`sysid.vehicle_model.simulation`).
     - `ramps`: corners of the spring curve: hanger lash and tables; `stops`: bump stops, beside the spring;
       `rate_ramps`: corners of the damper curve.
     - `frames` of the bodies above, where they bend.
@@ -91,6 +92,7 @@ class SuspensionLaw(NamedTuple):
     sliding_rate: RunsByAxlesBySets | None = None
     load_share: RunsByAxlesBySets | None = None
     compliance: RunsByAxlesBySets | None = None
+    trailing: RunsByAxlesBySets | None = None
     ramps: Ramps | None = None
     stops: Ramps | None = None
     rate_ramps: Ramps | None = None
@@ -107,6 +109,7 @@ ELEMENT_FIELDS: dict[str, tuple[str, ...]] = {
     "leaf_friction": ("friction_growth", "sliding", "sliding_rate"),
     "equaliser": ("load_share",),
     "damper_bushing": ("compliance",),
+    "trailing_links": ("trailing",),
 }
 
 

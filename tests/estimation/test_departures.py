@@ -11,6 +11,7 @@ from rigid_truck import EMPTY, LADEN, VEHICLE, bump, campaign, empty_run
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import AxleGroup
+from sysid.estimation.parameters.axle_laws import axle_laws
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
@@ -27,6 +28,7 @@ from sysid.estimation.uncertainty.departures import (
     RIGID,
     SPOKES,
     TIRE_LOAD,
+    TRAILING,
     Departure,
     Departures,
 )
@@ -116,6 +118,24 @@ def test_bushings_of_an_amplitude_are_those_of_the_law_and_none_is_a_rigid_dampe
         np.testing.assert_allclose(one, two, rtol=1e-4, atol=1e-6 * np.abs(one).max())
 
 
+def test_links_lead_wheels_by_their_amplitude_but_not_those_of_a_beam(model):
+    data, parameters, ours = model
+    known = known_departures(data, parameters, ours)
+    straight, aft = (known.model(ours, amplitudes(known, TRAILING, b)) for b in (0.0, 0.07))
+    assert straight.arrays[0].laws.trailing is None
+    np.testing.assert_allclose(aft.arrays[0].laws.trailing, [0.07] * 3)
+    suspension, _ = axle_laws(aft.arrays[0].laws, parameters.start[:, None])
+    np.testing.assert_allclose(suspension.trailing, 0.07)
+    for plain, moved in zip(*(simulate_runs(m, parameters.start, MOTION) for m in (straight, aft)), strict=True):
+        assert np.abs(plain - moved).max() > 1e-3 * np.abs(plain).max()
+    vehicle = replace(VEHICLE, groups=(AxleGroup("bogie", (1, 2), 300.0, 90.0),))
+    case = replace(EMPTY, sprung_mass_kg=(EMPTY.sprung_mass_kg[0] - 300.0,))
+    grouped = campaign([empty_run("a.csv", 6.0, samples=150)], load_cases=(case,), vehicle=vehicle)
+    of_group = bump_model(grouped, campaign_parameters(grouped, None), {"bump": bump()})
+    directions = known_departures(grouped, campaign_parameters(grouped, None), of_group).directions
+    assert [d.axle for d in directions if d.kind == TRAILING] == [0, None]
+
+
 def test_the_slope_by_bushings_of_rigid_dampers_is_that_of_stiff_ones(model):
     """Rigid at the optimum, yet seen by derivatives: a step of 1e-7 shows the slope of 1 um/kN."""
     data, parameters, ours = model
@@ -197,6 +217,31 @@ def test_data_without_departures_leave_scales_of_their_own_accuracy_and_no_data_
     assert found.sd[0] < 3.0 / (1e3 * np.sqrt(200))
     silent = departure_scale(np.eye(2) * 1e-12, np.zeros(2), np.eye(1), np.zeros(0), [Departure(FRICTION, 0)])
     assert silent.sd[0] == pytest.approx(PLAUSIBLE[FRICTION])
+
+
+def test_links_are_let_in_only_where_the_data_show_them():
+    """Amplitudes known to `sd`: their mean square, and the ratio of evidence in closed form, as for one scale."""
+    directions = [Departure(TRAILING, i) for i in range(4)] + [Departure(ENVELOPE, 0)]
+    shape, other = np.array([1.0, -1.2, 1.0, -0.8]), 0.3
+
+    def found(behind, sd):
+        information = np.diag([1.0, *[sd**-2] * 4, 1e4])
+        score = np.array([0.0, *(-behind / sd**2), -1e4 * other])
+        return departure_scale(information, score, 1e-9 * np.eye(1), np.zeros(0), directions)
+
+    def more_evident(behind, sd):
+        square = max(float(np.mean(np.square(behind))) / sd**2, 1.0)
+        return 0.5 * behind.size * (square - 1.0 - np.log(square))
+
+    cases = ((0.05, 0.01, True), (0.05, 0.03, False), (0.025, 0.001, False), (0.036, 0.001, True), (0.0, 0.01, False))
+    for size, sd, shown in cases:
+        behind = size * shape
+        assert (more_evident(behind, sd) > 5.0 and size > 0.03) == shown
+        here = found(behind, sd)
+        assert (here.sd[:4] > 0.0).all() == shown
+        assert (here.estimate[:4] != 0.0).all() == shown
+        # Other kinds are always let in.
+        assert here.estimate[4] == pytest.approx(other, rel=1e-2)
 
 
 def test_without_masses_and_departures_there_is_no_scale():

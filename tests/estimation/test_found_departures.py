@@ -9,7 +9,7 @@ import pytest
 
 from sysid.estimation.fit.found_departures import found_departures
 from sysid.estimation.uncertainty.allowances import Allowances
-from sysid.estimation.uncertainty.departures import BUMP, BUSHING, FRICTION, Departure, Departures
+from sysid.estimation.uncertainty.departures import BUMP, BUSHING, FRICTION, TRAILING, Departure, Departures
 from sysid.estimation.uncertainty.mass_response import MassResponse
 
 
@@ -34,6 +34,11 @@ def test_a_bump_is_lower_by_what_all_axles_and_each_of_them_say():
     assert "8 ± 1 % lower (axle 1) and 9 ± 1 % higher (axle 2)" in sentence
 
 
+def test_wheels_go_aft_or_forward_by_what_all_axles_and_each_of_them_say():
+    (sentence,) = said(TRAILING, (0.02, -0.15), 0.06, 0.01)
+    assert "8 ± 1 % aft (axle 1) and 9 ± 1 % forward (axle 2)" in sentence
+
+
 @pytest.mark.parametrize(
     ("kind", "own", "common", "sd"),
     [
@@ -41,6 +46,8 @@ def test_a_bump_is_lower_by_what_all_axles_and_each_of_them_say():
         (BUSHING, (0.01, 0.0), 0.03, 1e-3),
         (BUMP, (0.0, 0.0), -0.08, 0.03),
         (BUMP, (0.001, 0.0), 0.018, 1e-3),
+        (TRAILING, (0.0, 0.0), 0.08, 0.03),
+        (TRAILING, (0.001, 0.0), 0.018, 1e-3),
     ],
 )
 def test_unclear_or_small_departures_are_not_named(kind, own, common, sd):

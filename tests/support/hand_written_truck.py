@@ -64,7 +64,7 @@ class Truck:
     slip length `slip_m`, which goes towards `envelope` of extension and rate; the damper stands in bushings of the
     stiffness `bushing_N_per_m`, or rigidly (None), and `damper_rate` is its rate from its force; `load` is how the
     truck is loaded, its tires as stiff as ever at rest; `bend` its frame; the speed that is held changes by
-    `acceleration_m_s2`.
+    `acceleration_m_s2`. Links lead wheels aft by `trailing` times their jounce, None for straight up.
     """
 
     height_m: float
@@ -76,6 +76,7 @@ class Truck:
     acceleration_m_s2: float = 0.0
     bushing_N_per_m: np.ndarray | None = None
     damper_rate: Callable[[np.ndarray], np.ndarray] = lambda force: force / DAMPING
+    trailing: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         static = np.array(self.load.axle_loads_kg) * 9.81
@@ -112,6 +113,9 @@ class Truck:
         s = SPEED_M_S * tau + a * tau**2 / 2.0 - X + xi - theta * self.below
         slope = self.height_m * road(s, 1)
         speed = SPEED_M_S + a * tau + xi_rate - theta_rate * self.below
+        if self.trailing is not None:
+            s, speed = s + self.trailing * extension, speed + self.trailing * rate
+            slope = self.height_m * road(s, 1)
         v, v_rate = self.height_m * road(s) - axle, slope * speed - axle_rate
         a, a_slope = ALPHA * road(s), ALPHA * road(s, 1)
         # Clear of the road, above first contact at v = -rest, the map stays what it was there.
@@ -130,6 +134,10 @@ class Truck:
         ]
         xi_acceleration, theta_acceleration = np.linalg.solve(self.mass, right)
         z_acceleration = -pull.sum() / self.load.sprung_mass_kg[0]
+        axle_acceleration = (vertical - self.static + pull) / UNSPRUNG
+        if self.trailing is not None:
+            found = self.with_links(pull, push, vertical, right)
+            (xi_acceleration, z_acceleration, theta_acceleration), axle_acceleration = found[:3], found[3:]
         points = z_acceleration - theta_acceleration * (np.array(POINTS_M) - self.cg_x)
         bend, bending = self.bend, 0.0
         if bend is not None:
@@ -139,7 +147,7 @@ class Truck:
         return {
             "bending": np.array([y[16], bending]),
             "body": np.array([xi_acceleration, z_acceleration, theta_acceleration]),
-            "axle_acceleration": (vertical - self.static + pull) / UNSPRUNG,
+            "axle_acceleration": axle_acceleration,
             "body_acceleration": points,
             "pitch_rate": np.array([theta_rate]),
             "tire_force": vertical,
@@ -149,6 +157,22 @@ class Truck:
             "slip_rate": (self.envelope(extension, rate) * rate - np.abs(rate) * slip) / self.slip_m,
             "yielding": rate - damper_rate,
         }
+
+    def with_links(self, pull: np.ndarray, push: np.ndarray, vertical: np.ndarray, right: list[float]) -> np.ndarray:
+        """Accelerations (6,) of xi, z, theta and the axles; Lagrange's equations with wheels that links lead.
+
+        Without links, wheel i is at xi - theta below_i; now b_i e_i further ahead, e_i = z - theta arm_i - z_i.
+        `right` are the forces on xi and theta without links.
+        """
+        lengthened = np.column_stack([np.zeros(3), np.ones(3), -(X - self.cg_x), -np.eye(3)])
+        straight = np.column_stack([np.ones(3), np.zeros(3), -self.below, np.zeros((3, 3))])
+        ahead = straight + self.trailing[:, None] * lengthened
+        mass = np.zeros((6, 6))
+        mass[np.ix_([0, 2], [0, 2])] = self.mass
+        mass[[1, 3, 4, 5], [1, 3, 4, 5]] = [self.load.sprung_mass_kg[0], *UNSPRUNG]
+        mass += ahead.T @ (UNSPRUNG[:, None] * ahead) - straight.T @ (UNSPRUNG[:, None] * straight)
+        force = np.array([right[0], -pull.sum(), right[1], *(vertical - self.static + pull)])
+        return np.linalg.solve(mass, force + (ahead - straight).T @ push)
 
     def rates(self, t: float, y: np.ndarray) -> np.ndarray:
         found = self.signals(t, y)

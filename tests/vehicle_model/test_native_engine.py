@@ -197,6 +197,7 @@ def elements(case: Case) -> dict[str, dict]:
             "sliding_rate": varied(0.1),
         },
         "damper bushing": {"compliance": varied(3e-7)},
+        "trailing links": {"trailing": varied(0.08)},
         "spring corners": {"ramps": ramps(case, (0.012, 0.02, -0.015), 1e6)},
         "stops": {"stops": ramps(case, (0.015, -0.018), 1.5e6)},
         "damper corners": {"rate_ramps": ramps(case, (0.1, -0.2), 1e4)},

@@ -146,6 +146,28 @@ def test_every_channel_against_dop853_at_the_default_step(case):
         assert max(errors.values()) < TOLERANCE.get(name, 1e-4), (name, number, errors)
 
 
+def test_wheels_that_links_lead_against_dop853():
+    """To a hundredth of what the links do; half of the links fail."""
+    trailing = np.array([0.1, -0.08, 0.12])
+    times = np.arange(round(DURATION_S / FINE_S)) * FINE_S
+    every = round(OUTPUT_S / FINE_S)
+    straight, half, ours = (
+        simulated_truck(0.00125, law=LINEAR if b == 0.0 else LINEAR._replace(trailing=per_axle(b * trailing)))
+        for b in (0.0, 0.5, 1.0)
+    )
+    for number, height in enumerate(HEIGHTS_M):
+        oracle = Truck(height, linear, trailing=trailing).histories(times)
+
+        def error(histories, quantity, number=number, oracle=oracle):
+            one = np.asarray(getattr(histories, quantity))[:, number, :, 0]
+            return relative_rms(one, oracle[quantity][::every])
+
+        for quantity in CHANNELS:
+            effect = error(straight, quantity)
+            assert (error(ours, quantity) < 0.01 * effect).all(), (number, quantity)
+            assert (error(half, quantity) > 0.3 * effect).all(), (number, quantity)
+
+
 def test_friction_slides_in_closed_form_and_turns():
     """From rest over 1 mm and back 0.4 mm: 1 - e^-1, then -1 + (2 - e^-1) e^-0.4 for the slip length of 1 mm."""
     law = LINEAR._replace(friction=per_axle(FRICTION), slip=per_axle(np.full(3, SLIP_M)))

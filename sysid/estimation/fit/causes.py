@@ -17,6 +17,7 @@ CauseKind = Literal[
     "air_spring",
     "stops",
     "bump",
+    "links",
     "own_springs",
     "mass",
     "sensor",

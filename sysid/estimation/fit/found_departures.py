@@ -1,4 +1,4 @@
-"""Departures that the residuals show and no law or declaration has: rubber bushings, bumps unlike their scans."""
+"""Departures that the residuals show and no law or declaration has: bushings, bumps unlike their scans, links."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 from sysid.arrays import ParametersByParameters
 from sysid.estimation.fit.causes import Cause
 from sysid.estimation.uncertainty.allowances import Allowances
-from sysid.estimation.uncertainty.departures import BUMP, BUSHING
+from sysid.estimation.uncertainty.departures import BUMP, BUSHING, TRAILING
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.numbers import listing
 
 #: A departure is named where it is this many standard deviations from none, and larger than this: bushings stiffer than
-#: 20 MN/m [mm/kN] change little, and scans of bumps are known to some 2 % of their height (an assumption).
-CLEAR_SD, LEAST = 3.0, {BUSHING: 0.05, BUMP: 0.02}
+#: 20 MN/m [mm/kN] change little, scans of bumps are known to some 2 % of their height, and wheels that go 2 % of their
+#: jounce aft are led straight (assumptions).
+CLEAR_SD, LEAST = 3.0, {BUSHING: 0.05, BUMP: 0.02, TRAILING: 0.02}
 
 
 def found_departures(
@@ -48,6 +49,15 @@ def found_departures(
             "wheel, and measure its height where the wheels went."
         )
         causes.append(Cause("bump", sentence, modelled=True))
+    if links := [
+        f"{100.0 * abs(a):.2g} ± {100.0 * sd:.1g} % {'aft' if a > 0.0 else 'forward'} (axle {axle + 1})"
+        for axle, a, sd in _clear(TRAILING, allowances, response, covariance)
+    ]:
+        sentence = (
+            "Links or leaf packs lead wheels fore or aft as they rise, by a share of their jounce: "
+            f"{listing(links)}. The calibrated model has it; look whether the links slope by as much."
+        )
+        causes.append(Cause("links", sentence, modelled=True))
     return tuple(causes)
 
 

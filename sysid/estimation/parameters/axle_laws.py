@@ -73,7 +73,8 @@ class LawInputs(NamedTuple):
       load on the suspension;
     - `load_growth` (R, na, 1): load on the suspension over that in the first load case;
     - `tire_factor` (R, na, 1): factor on the tire stiffness of a pass;
-    - `shares` of rockers and positions of bending `frames`, None without any.
+    - `shares` of rockers and positions of bending `frames`, None without any;
+    - `trailing` (na,): how far wheels go aft over their jounce, None where none does.
     """
 
     stiffness: RunsByAxles
@@ -90,6 +91,7 @@ class LawInputs(NamedTuple):
     tire_factor: np.ndarray
     shares: RockerShares | None = None
     frames: FramePositions | None = None
+    trailing: Axles | None = None
 
 
 def stiffness_positions(parameters: ParameterSet, axles: int, load_cases: list[str]) -> np.ndarray:
@@ -217,6 +219,8 @@ def _suspension(
         if q.field is not None and value is not None:
             loads = (inputs.carried_load, inputs.load_growth)
             given[q.field] = value if q.coefficient is None else q.coefficient(value, stiffness, *loads)
+    if inputs.trailing is not None:
+        given["trailing"] = xp.broadcast_to(inputs.trailing[:, None], stiffness.shape)
     if inputs.shares is not None:
         position, fixed = inputs.shares
         odds = values[position]

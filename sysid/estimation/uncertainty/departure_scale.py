@@ -34,6 +34,7 @@ from sysid.estimation.uncertainty.departures import (
     FRICTION,
     SPOKES,
     TIRE_LOAD,
+    TRAILING,
     Departure,
 )
 from sysid.estimation.uncertainty.normal_equations import NormalEquations
@@ -50,8 +51,23 @@ from sysid.estimation.uncertainty.residual_columns import (
 #: whole way to another contact law; 0.2 in the footprint's log stiffness and in the spokes' exponent; 10 % of a tire's
 #: stiffness beyond its load law; 3 % of the load as friction (leaf packs have 2 to 10 %, general knowledge); bushings
 #: of 4 MN/m (2 to 20 MN/m are usual, :data:`sysid.estimation.parameters.suspension_elements.BUSHING_STIFFNESS`); 5 % of
-#: the height of a bump, which rubber gives under a wheel, and a scan may miss where it was taken.
-PLAUSIBLE = {ENVELOPE: 1.0, FOOTPRINT: 0.2, SPOKES: 0.2, TIRE_LOAD: 0.1, FRICTION: 0.03, BUSHING: 0.25, BUMP: 0.05}
+#: the height of a bump, which rubber gives under a wheel, and a scan may miss where it was taken; a tenth of the jounce
+#: by which links and the fixed eyes of leaf packs lead a wheel fore or aft: a link of 0.6 m that slopes by 60 mm, its
+#: pivot above or below the axle.
+PLAUSIBLE = {
+    ENVELOPE: 1.0,
+    FOOTPRINT: 0.2,
+    SPOKES: 0.2,
+    TIRE_LOAD: 0.1,
+    FRICTION: 0.03,
+    BUSHING: 0.25,
+    BUMP: 0.05,
+    TRAILING: 0.1,
+}
+#: Kinds that are let in only where the data show them: by the logarithm of the ratio of evidence with and without them,
+#: and in this root mean square over the axles. Wheels that go 3 % of their jounce aft change k by some 0.3 %, less than
+#: what else may look like them (assumptions).
+EVIDENT, SHOWN_FROM = 5.0, {TRAILING: 0.03}
 #: Changes of a departure count in at least this share of its plausible scale. Data that show none of a kind make its
 #: scale arbitrarily small: friction of 1e-5 of the load is then a standard deviation, and changes nothing else.
 _COUNTED = 0.01
@@ -162,22 +178,46 @@ def departure_scale(
     amounts : (m + n,) y at which information and score were taken, None for 0.
     readings, scales : (m,) bool, which masses are readings of a scale, and what all its readings share; None for none.
     """
-    masses = mass_sd.size
-    sd = np.full(masses + len(directions), np.inf)
+    sd = np.full(mass_sd.size + len(directions), np.inf)
     free = NormalEquations.of(information, score, prior=prior, sd=sd).eliminate(slice(len(prior))).left
     here = np.zeros(sd.size) if amounts is None else amounts
     # The parameters at their best for it, a parabola about `here` has this gradient at 0.
-    gradient = free.gradient - free.matrix @ here
+    at_zero = free.matrix, free.gradient - free.matrix @ here
+    largest = np.array([PLAUSIBLE[d.kind] for d in directions])
+    found = _most_evident(*at_zero, mass_sd, directions, largest, readings, scales)
+    own = np.array([d.axle is not None for d in directions], dtype=bool)
+    for kind, least in SHOWN_FROM.items():
+        of_kind = np.array([d.kind == kind for d in directions], dtype=bool)
+        if not of_kind.any():
+            continue
+        without = _most_evident(*at_zero, mass_sd, directions, np.where(of_kind, 0.0, largest), readings, scales)
+        # The parts of their own have one scale, and what they have in common another.
+        amplitude = np.hypot(*(max(found[0].sd[of_kind & (own == part)], default=0.0) for part in (True, False)))
+        if amplitude < least or found[1] - without[1] < EVIDENT:
+            found, largest = without, np.where(of_kind, 0.0, largest)
+    return found[0]
+
+
+def _most_evident(
+    matrix: np.ndarray,
+    gradient: np.ndarray,
+    mass_sd: Masses,
+    directions: Sequence[Departure],
+    largest: np.ndarray,
+    readings: np.ndarray | None,
+    scales: np.ndarray | None,
+) -> tuple[DepartureScale, float]:
+    """Scales up to the `largest` (n,) from equations (m + n) at zero, and the logarithm of their evidence."""
+    masses = mass_sd.size
     groups = np.array([d.group for d in directions])
     of_group = (groups[:, None] == groups).astype(float)
     mean_of_group = of_group / of_group.sum(axis=1, keepdims=True)
-    largest = np.array([PLAUSIBLE[d.kind] for d in directions])
     tau = largest
-    estimate, tolerance, mass_sd = np.zeros(here.size), mass_sd, mass_sd.copy()
+    estimate, evidence, tolerance, mass_sd = np.zeros(gradient.size), 0.0, mass_sd, mass_sd.copy()
     for _ in range(_ROUNDS):
-        sd = np.concatenate([mass_sd, tau])
-        scaled = NormalEquations.of(free.matrix, gradient, sd=sd)
+        scaled = NormalEquations.of(matrix, gradient, sd=np.concatenate([mass_sd, tau]))
         estimate, variance = scaled.step(), scaled.variances
+        evidence = scaled.gain - 0.5 * float(np.linalg.slogdet(scaled.matrix)[1])
         before = np.concatenate([tau, mass_sd])
         if readings is not None and readings.any():
             square = np.mean(estimate[:masses][readings] ** 2 + variance[:masses][readings])
@@ -187,4 +227,4 @@ def departure_scale(
         tau = np.minimum(np.sqrt(mean_of_group @ (estimate[masses:] ** 2 + variance[masses:])), largest)
         if np.all(np.abs(np.concatenate([tau, mass_sd]) - before) <= 1e-8 + 1e-3 * before):
             break
-    return DepartureScale(tau, estimate, mass_sd)
+    return DepartureScale(tau, estimate, mass_sd), evidence

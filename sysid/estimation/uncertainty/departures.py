@@ -1,9 +1,10 @@
 """Departures of the vehicle from the model: physics that the model leaves out, each with an amplitude.
 
 In the model, a tire rolls over its footprint in one way, its stiffness grows with load by one exponent, a linear
-suspension has no friction, and dampers are held rigidly. A real truck differs a little in all of these. A departure is
-a direction in which the simulation can be moved towards such other physics; amplitude 0 is the model. Amplitudes are
-estimated, with priors whose size follows from the data (:mod:`sysid.estimation.uncertainty.departure_scale`).
+suspension has no friction, dampers are held rigidly, and wheels go straight up. A real truck differs a little in all of
+these. A departure is a direction in which the simulation can be moved towards such other physics; amplitude 0 is the
+model. Amplitudes are estimated, with priors whose size follows from the data
+(:mod:`sysid.estimation.uncertainty.departure_scale`).
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ LoadChanges: TypeAlias = Callable[[Sequence[str]], RunsByAxles]
 #: footprint (logarithm of the factor on the tire stiffness for which it is computed); stiffening of single spokes
 #: (exponent in addition to that of the law); tire stiffness in a further load case (logarithm); friction over the
 #: carried load; compliance of the rubber bushings in series with an axle's dampers [mm/kN]; height of the driven bumps
-#: over that of their scans, less one: bumps give way under wheels.
+#: over that of their scans, less one: bumps give way under wheels; how far a wheel goes aft over its jounce.
 ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD = "envelope", "footprint", "spokes", "tire_load"
-FRICTION, BUSHING, BUMP = "friction", "bushing", "bump"
+FRICTION, BUSHING, BUMP, TRAILING = "friction", "bushing", "bump", "links"
 #: Kinds whose amplitudes are not negative: friction that pushes, and rubber that pushes back, do not exist.
 ONE_SIDED = (FRICTION, BUSHING)
 #: Amplitude in SI units: mm/kN in m/N.
@@ -41,7 +42,16 @@ _COMPLIANCE = 1e-6
 #: No draw of a vehicle departs further than this, two to three and a third times the scale that is plausible without
 #: data (:data:`sysid.estimation.uncertainty.departure_scale.PLAUSIBLE`): an assumption, as a
 #: direction holds near the model only.
-REACH = {ENVELOPE: 2.0, FOOTPRINT: 0.5, SPOKES: 0.5, TIRE_LOAD: 0.3, FRICTION: 0.1, BUSHING: 0.8, BUMP: 0.15}
+REACH = {
+    ENVELOPE: 2.0,
+    FOOTPRINT: 0.5,
+    SPOKES: 0.5,
+    TIRE_LOAD: 0.3,
+    FRICTION: 0.1,
+    BUSHING: 0.8,
+    BUMP: 0.15,
+    TRAILING: 0.3,
+}
 #: Steps of log stiffness and of the spokes' exponent from which the directions of contact are differences.
 _SOFTER, _STIFFENING = 0.1, 0.1
 #: Slip length of friction that the model does not have: that of the friction law, an assumption.
@@ -108,9 +118,10 @@ class Departures:
     def laws(
         self, inputs: LawInputs, amplitudes: np.ndarray, load_cases: Sequence[str], *, all_elements: bool = False
     ) -> LawInputs:
-        """Law inputs of passes moved along the directions of tires, friction and bushings.
+        """Law inputs of passes moved along the directions of tires, friction, bushings and links.
 
-        Bushings that do not give way are left out, because they take time; with `all_elements` all vehicles have them.
+        Bushings that do not give way, and links of wheels that go straight up, are left out, because they take time;
+        with `all_elements` all vehicles have them.
         """
         stiffer = np.exp(self.spread(TIRE_LOAD, amplitudes, load_cases))[..., None]
         values = self._friction(amplitudes, load_cases)
@@ -120,7 +131,9 @@ class Departures:
         elements, none = dict(inputs.elements), np.full(len(self.roads.vehicle.axles), -1)
         for quantity, value in values.items():
             elements[quantity] = elements.get(quantity, ElementIndex(none, value))._replace(neutral=value)
-        return inputs._replace(tire_factor=stiffer, elements=elements)
+        trailing = self.spread(TRAILING, amplitudes, load_cases)[0]
+        links = trailing if all_elements or trailing.any() else None
+        return inputs._replace(tire_factor=stiffer, elements=elements, trailing=links)
 
     def _friction(self, amplitudes: np.ndarray, load_cases: Sequence[str]) -> dict[str, np.ndarray]:
         """Quantities (na,) of friction on axles whose laws have none; empty where all have."""
@@ -277,6 +290,9 @@ def departures(
     directions += [Departure(SPOKES, i) for i in axles if CONTACT_LAWS[roads.contact].follows_tires]
     suspended = sorted(set(roads.vehicle.suspension_axle))
     directions += [Departure(kind, i) for kind in ONE_SIDED for i in suspended if (kind, i) not in modelled]
+    # The wheels of a beam turn with it.
+    alone = set(axles) - {i for group in roads.vehicle.groups for i in group.axles}
+    directions += [Departure(TRAILING, i) for i in sorted(alone)]
     common = [Departure(kind, None) for kind in dict.fromkeys(d.kind for d in directions)]
     return Departures(roads, (*directions, *common), frozenset(driven))
 

@@ -19,7 +19,11 @@ struct Ramp {
 struct Elements : SmoothElements {
   int ramps = 0, stops = 0, rate_ramps = 0;
   bool corners() const { return saturating || asymmetric || ramps > 0 || stops > 0 || rate_ramps > 0; }
-  bool linear() const { return !any() && !corners(); }
+  bool linear() const {
+    SmoothElements forces = *this;
+    forces.trailing_links = false;  // they lead the wheel, beside any law
+    return !forces.any() && !corners();
+  }
 };
 
 // pull = S(e) + F_c phi + D(u) + stops(e), positive when it pulls body and axle together; e extension from rest, u the
@@ -38,6 +42,7 @@ struct SuspensionLaw {
   V per_sliding_rate;                  // 1/v_s [s/m]
   V load_share;                        // s of a rocker between springs
   V compliance;                        // 1/k_b of a damper's bushings [m/N]
+  V trailing;                          // b: how far the wheel goes aft over its jounce
   std::vector<Ramp<V>> ramps, stops, rate_ramps;
 };
 
@@ -237,6 +242,7 @@ inline SuspensionLaw<V> suspension_law(const Elements& has, const Coefficients<V
   }
   law.load_share = c.load_share;
   law.compliance = c.compliance;
+  law.trailing = c.trailing;
   return law;
 }
 

@@ -289,7 +289,8 @@ struct StageOfStep {
 };
 
 // Accelerations and forces in a state:
-//   axles: m_u z'' = V - static load + pull,      bodies: b'' = A [pull; H] - M^-1 (tilt b + hold b').
+//   axles: m_u z'' = V - static load + pull,      bodies: b'' = A [pull; H] - M^-1 (tilt b + hold b'),
+// and as in simulation.py where links lead wheels aft.
 // `stage` is null at the start of a step, where the states inside suspensions are the step's own, `inner`.
 template <class V, class M, int NB>
 void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, double time, const State<V, NB>& state,
@@ -318,6 +319,10 @@ void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, dou
     for (int j = 0; j < NB; ++j) {
       accumulate(advance, along[j], state.body[j]);
       accumulate(speed, along_rate[j], state.body_rate[j]);
+    }
+    if (run.elements.trailing_links) {
+      advance += laws.suspension[i].trailing * out.extension[i];
+      speed += laws.suspension[i].trailing * out.rate[i];
     }
     wheel.advance[i] = advance;
     wheel.speed[i] = speed;
@@ -370,21 +375,46 @@ void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, dou
     const V vertical = positive(out.unclipped[i]);
     out.pull[i] = pull;
     out.axle[i] = -run.static_load[i] + vertical;
-    if (!beams) out.axle[i] = run.inverse_unsprung[i] * (out.axle[i] + pull);
     if (road[i].flat) {
       out.horizontal[i] = V{};
     } else {
       out.horizontal[i] = drag[i] * vertical;
+      if (run.elements.trailing_links) out.axle[i] += -(law.trailing * out.horizontal[i]);
       add_product<NB, 1>(run.acceleration + na + i, 2 * na, out.horizontal + i, body);
     }
+    if (!beams) out.axle[i] = run.inverse_unsprung[i] * (out.axle[i] + pull);
   }
-  add_product<NB>(run.acceleration, 2 * na, na, out.pull, body);
-  for (int j = 0; j < NB; ++j) out.body[j] = body[j];
   if (beams) {
     V pushed[kMaxAxles], pulled[kMaxAxles];
     transform(run.beams.tire, na, out.axle, pushed);
     transform(run.beams.pull, na, out.pull, pulled);
     for (int i = 0; i < na; ++i) out.axle[i] = pushed[i] + pulled[i];
+  }
+  if (run.elements.trailing_links) {
+    for (int i = 0; i < na; ++i) {
+      const V& b = laws.suspension[i].trailing;
+      out.axle[i] = out.axle[i] * reciprocal(1.0 + b * b);
+      const V swinging = (1.0 / run.inverse_unsprung[i]) * (b * out.axle[i]);
+      const V pull = -(b * (out.horizontal[i] + swinging));
+      add_product<NB, 1>(run.acceleration + na + i, 2 * na, &swinging, body);
+      add_product<NB, 1>(run.acceleration + i, 2 * na, &pull, body);
+    }
+  }
+  add_product<NB>(run.acceleration, 2 * na, na, out.pull, body);
+  for (int j = 0; j < NB; ++j) out.body[j] = body[j];
+  if (run.elements.trailing_links) {
+    for (int i = 0; i < na; ++i) {
+      const V& b = laws.suspension[i].trailing;
+      const M mass = 1.0 / run.inverse_unsprung[i];
+      V above{}, along{};
+      add_product<1>(run.position + i * NB, NB, NB, body, &above);
+      add_product<1>(run.position + (na + i) * NB, NB, NB, body, &along);
+      const V carried = b * (along + b * above) * reciprocal(1.0 + b * b);
+      out.axle[i] += carried;
+      const V further = mass * (b * (carried - above)), pull = b * (mass * along - further);
+      add_product<NB, 1>(run.acceleration + na + i, 2 * na, &further, out.body);
+      add_product<NB, 1>(run.acceleration + i, 2 * na, &pull, out.body);
+    }
   }
 }
 
