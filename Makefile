@@ -8,7 +8,7 @@ PIP := -m pip --quiet --disable-pip-version-check
 LOCKED := --require-hashes --only-binary :all: --requirement
 LOCK := uv pip compile --quiet --universal --no-build --python-version 3.11 --generate-hashes --no-header --no-annotate
 
-.PHONY: run quick test test-lowest test-long lock parts audit fuzz test-browser test-bridges docs wheel bench bench-jobs bench-long coverage first-look plank-drops faults check-faults check-numbers damages kills soak fleets independent changes lint format clean
+.PHONY: run quick test test-lowest test-long lock parts audit fuzz test-browser test-bridges docs wheel bench bench-jobs bench-long coverage first-look plank-drops faults constants check-faults check-numbers damages kills soak fleets independent changes lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -110,6 +110,10 @@ changes: $(VENV)/.dev
 check-faults: $(VENV)/.dev
 	$(BIN)/python -m studies.check_faults --count 144 --seed 9157 --healthy 0 --effects --output build/check_faults --document docs/evidence/check-faults.md
 	$(BIN)/python -m studies.check_faults --count 0 --healthy 40 --seed 3391 --output build/check_faults --document docs/evidence/check-faults.md
+
+# Ten minutes on one core: what every constant that moves an interval does to k and c.
+constants: $(VENV)/.dev
+	$(BIN)/python -m studies.constants examples/linear_truck data --output build/constants --document docs/evidence/constants.md
 
 # Half an hour on one core: every declared number times a factor.
 check-numbers: $(VENV)/.dev
