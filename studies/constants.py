@@ -26,7 +26,7 @@ from sysid.estimation.fit import evaluation
 from sysid.estimation.parameters import campaign_parameters as priors
 from sysid.estimation.parameters import suspension_elements as elements
 from sysid.estimation.parameters.parameter_set import Parameter
-from sysid.estimation.residuals import bump_model
+from sysid.estimation.residuals.bump_model import GAIN_SD
 from sysid.estimation.uncertainty import departure_scale, departures, information
 from sysid.estimation.uncertainty.allowances import Allowances
 
@@ -91,10 +91,14 @@ def _prior(quantities: tuple[str, ...], name: str, value: str, source: str, fiel
 
 def _gain(kind: str, name: str) -> Constant:
     def change(given: _Arguments, factor: float) -> _Arguments:
-        return given
+        campaign, problem, *rest = given
+        other, model = copy(problem), problem.model
+        other.forget()
+        units = np.array([factor if s.kind == kind else 1.0 for s in model.layout.sensors])
+        other.model = replace(model, arrays=tuple(a._replace(gain_sd=units * a.gain_sd) for a in model.arrays))
+        return (campaign, other, *rest)
 
-    source = "assumption: no data sheet stands behind it"
-    return Constant(name, f"{bump_model.GAIN_SD[kind]:g}", source, change, bump_model.GAIN_SD, kind, own_data=True)
+    return Constant(name, f"{GAIN_SD[kind]:g}", "assumption: no data sheet stands behind it", change, own_data=True)
 
 
 def constants() -> list[Constant]:
