@@ -184,7 +184,7 @@ def solved(given: _Arguments, data: information.BlockInformation) -> Optimum:
         patch.object(information, "optimum_information", lambda *_: data),
         patch.object(information, "model_error", kept),
     ):
-        adjusted = information.adjusted_information(*given[:4], here, given[5])
+        adjusted = information.adjusted_information(given[0], problem, vector, allowances, here, given[5])
     chosen = _k_and_c(given)
     covariance = np.linalg.inv(adjusted.information + adjusted.data.prior)
     log_value = problem.unpack(vector)[0] + steps[-1]

@@ -192,7 +192,8 @@ def departure_scale(
             continue
         without = _most_evident(*at_zero, mass_sd, directions, np.where(of_kind, 0.0, largest), readings, scales)
         # The parts of their own have one scale, and what they have in common another.
-        amplitude = np.hypot(*(max(found[0].sd[of_kind & (own == part)], default=0.0) for part in (True, False)))
+        parts = (max(found[0].sd[of_kind & (own == part)], default=0.0) for part in (True, False))
+        amplitude = float(np.linalg.norm(list(parts)))
         if amplitude < least or found[1] - without[1] < EVIDENT:
             found, largest = without, np.where(of_kind, 0.0, largest)
     return found[0]
