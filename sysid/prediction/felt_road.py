@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from sysid.arrays import Stations
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.enveloping import (
+    SpokeTable,
     footprint_map,
     footprint_map_about,
     load_on_spokes,
@@ -27,16 +29,24 @@ GENTLE_STEP_M, HARSH_STEP_M = 0.025, 0.01
 #: Where the load of a wheel that follows the filtered road at its static height departs by more than this share of it,
 #: the road is harsh: then the springs are followed one by one, up to a length [m].
 HARSH, MOST_HARSH_M = 0.05, 100.0
-#: Places at which that is looked at, those where the filter takes most away.
-_LOOKED_AT = 200
+#: Places at which that is looked at, those where the filter takes most away, and most places of a path over springs.
+_LOOKED_AT, _JUDGED = 200, 3000
 
 
 @dataclass(frozen=True)
-class DrivenLoads:
-    """Places (T, na) of the axles along a road [m], and what they carry there (T, na) [N]."""
+class WheelPaths:
+    """Stations (T, na) of the wheels' centres of one vehicle or several (T, na, t), and how far they rise there [m]."""
 
-    place_m: np.ndarray
-    force_N: np.ndarray
+    station_m: np.ndarray
+    rise_m: np.ndarray
+
+    def on(self, axle: int, station_m: Stations) -> tuple[Stations, Stations]:
+        """Median and standard deviation over the vehicles of an axle's rise at stations (n,) [m], 0 beyond the ends."""
+        each = [
+            np.interp(station_m, np.maximum.accumulate(s), z, left=0.0, right=0.0)
+            for s, z in zip(self.station_m[:, axle].T, self.rise_m[:, axle].T, strict=True)
+        ]
+        return np.median(each, axis=0), np.std(each, axis=0)
 
 
 @dataclass(frozen=True)
@@ -45,8 +55,7 @@ class FeltRoad:
 
     `rise` (na, n) [m]; `stretch` (4, na, n) and `drag` (3, na, n) as in
     :class:`sysid.vehicle_model.contact.EffectiveRoad`.  `harsh` says whether springs were followed one by one;
-    `misfit` is the largest error of a load at its static height, as a share of it; where springs are followed about
-    the loads that axles carry, the error about these.
+    `misfit` is the largest error of a gentle road's load at its static height, as a share of it.
     """
 
     first_m: float
@@ -56,6 +65,11 @@ class FeltRoad:
     drag: np.ndarray
     harsh: bool
     misfit: float
+
+    def level_m(self, start_m: float) -> np.ndarray:
+        """Rise (na,) [m] that counts as level in the stretch from `start_m` on."""
+        first = int(np.floor((start_m - self.first_m) / self.step_m))
+        return self.rise[:, min(max(first, 0), self.rise.shape[1] - 1)]
 
     def stretch_of(self, start_m: float, blend_m: float, end_m: float) -> EffectiveRoad:
         """The road from `start_m`, where it grows out of level road over `blend_m`, to `end_m`."""
@@ -79,7 +93,7 @@ def felt_road(
     reference: LoadCase,
     tires: MapTires,
     contact: ContactLaw,
-    loads: DrivenLoads | None = None,
+    paths: WheelPaths | None = None,
 ) -> FeltRoad:
     """What the tires of every axle feel of a road at the loads of a load case; level road lies before and behind it.
 
@@ -91,14 +105,14 @@ def felt_road(
     station_m, height_m : (n,) uniform stations from 0, and heights [m].
     reference : the load case at whose axle loads the stiffness of the `tires` holds.
     contact : `point` follows the road itself.
-    loads : what axles carry along a harsh road: the springs are then followed about these loads.
+    paths : where the wheels come along a harsh road: the springs are then followed about these paths.
     """
     height = height_m - height_m[0]
     length, margin = float(station_m[-1]), 1.0
     grid = np.arange(-margin, length + margin, GENTLE_STEP_M)
     sampled = np.interp(grid, station_m, height)
-    if loads is not None:
-        return _mapped(station_m, height, vehicle, load_case, reference, tires, 0.0, loads)
+    if paths is not None:
+        return _mapped(station_m, height, vehicle, load_case, reference, tires, 0.0, paths)
     if contact == "point":
         drag = -np.gradient(sampled, GENTLE_STEP_M)
         return _gentle(margin, [(sampled, drag)] * len(vehicle.axles), 0.0)
@@ -133,9 +147,8 @@ def _at_rest(
     """Stiffness of spokes, their deflection [m] under a load and the tangent stiffness [N/m] there, on flat road."""
     flat = RoadProfile("flat", np.array([0.0, 0.01, 0.02]), np.zeros(3), np.zeros(3), 0.0, 0.02)
     table = spoke_table(flat, radius_m, exponent=exponent)
+    spoke, sunk = _sunk(table, load_N, reference_N, stiffness_N_per_m)
     u, force = table.deflection_m, table.flat_force
-    spoke = reference_N / float(np.interp(static_deflection(table, reference_N, stiffness_N_per_m), u, force))
-    sunk = float(np.interp(load_N / spoke, force, u))
     return spoke, sunk, spoke * float(np.interp(sunk, u, np.gradient(force, u)))
 
 
@@ -147,25 +160,21 @@ def _mapped(
     reference: LoadCase,
     tires: MapTires,
     misfit: float,
-    loads: DrivenLoads | None = None,
+    paths: WheelPaths | None = None,
 ) -> FeltRoad:
-    """Footprint maps of all axles over a short road, which comes down to level road behind its end over 5 m."""
-    step, down, margin = 0.002, 5.0, 1.0
-    end = float(station_m[-1])
-    grid = np.arange(0.0, end + down + margin, step)
-    height = np.interp(grid, station_m, height_m) * (0.5 + 0.5 * np.cos(np.pi * np.clip((grid - end) / down, 0.0, 1.0)))
-    profile = RoadProfile("road", grid, height, np.zeros_like(height), 0.0, end)
+    """Footprint maps of all axles over a short road."""
+    profile = _as_profile(station_m, height_m)
     maps = []
     for i, axle in enumerate(vehicle.axles):
         load, declared = (c.axle_loads_kg[i] * vehicle.gravity_m_s2 for c in (load_case, reference))
         table = spoke_table(profile, axle.tire_radius_m, exponent=tires.spoke_exponent)
         stiffness = tires.stiffness_N_per_m[i]
-        if loads is None:
+        if paths is None:
             maps.append(footprint_map(table, load, declared, stiffness))
             continue
-        about = np.interp(table.station_m, loads.place_m[:, i], loads.force_N[:, i], left=load, right=load)
-        maps.append(footprint_map_about(table, load, declared, stiffness, about))
-        misfit = max(misfit, maps[-1].misfit_m * stiffness / load)
+        rise, spread = paths.on(i, table.station_m)
+        about = axle.tire_radius_m - _sunk(table, load, declared, stiffness)[1] + rise
+        maps.append(footprint_map_about(table, load, declared, stiffness, about, spread))
     first = min(round(m.station_m[0] / m.step_m) for m in maps)
     last = max(round(m.station_m[-1] / m.step_m) for m in maps)
     maps = [m.widened(first, last) for m in maps]
@@ -173,3 +182,74 @@ def _mapped(
     stretch = np.concatenate([np.stack([m.stretch for m in maps], axis=1), np.stack([m.lift_m for m in maps])[None]])
     drag = np.stack([m.drag for m in maps], axis=1)
     return FeltRoad(first * HARSH_STEP_M, HARSH_STEP_M, rise, stretch, drag, True, misfit)
+
+
+def _as_profile(station_m: Stations, height_m: Stations) -> RoadProfile:
+    """A short road, which comes down to level road behind its end over 5 m."""
+    step, down, margin = 0.002, 5.0, 1.0
+    end = float(station_m[-1])
+    grid = np.arange(0.0, end + down + margin, step)
+    height = np.interp(grid, station_m, height_m) * (0.5 + 0.5 * np.cos(np.pi * np.clip((grid - end) / down, 0.0, 1.0)))
+    return RoadProfile("road", grid, height, np.zeros_like(height), 0.0, end)
+
+
+def _sunk(table: SpokeTable, load_N: float, reference_N: float, stiffness_N_per_m: float) -> tuple[float, float]:
+    """Stiffness of spokes and their deflection [m] under a load on flat road."""
+    u, force = table.deflection_m, table.flat_force
+    spoke = reference_N / float(np.interp(static_deflection(table, reference_N, stiffness_N_per_m), u, force))
+    return spoke, float(np.interp(load_N / spoke, force, u))
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """How far loads are from those of the springs at the same places: root mean square error over the root mean square
+    change of load, and relative error of the peak, both of the worst axle.
+    """
+
+    change: float
+    peak: float
+
+
+def misfit_on_springs(
+    road: FeltRoad,
+    station_m: Stations,
+    height_m: Stations,
+    vehicle: Vehicle,
+    load_case: LoadCase,
+    reference: LoadCase,
+    tires: MapTires,
+    paths: WheelPaths,
+) -> Misfit:
+    """Loads of the springs along paths of wheels (T, na, t) over a harsh road against those of its maps.
+
+    Damping is left out.  Other parameters as for :func:`felt_road`.
+    """
+    profile = _as_profile(station_m, height_m - height_m[0])
+    places = road.first_m + road.step_m * np.arange(road.rise.shape[1])
+    change, peak = 0.0, 0.0
+    for i, axle in enumerate(vehicle.axles):
+        load, declared = (c.axle_loads_kg[i] * vehicle.gravity_m_s2 for c in (load_case, reference))
+        radius = axle.tire_radius_m
+        table = spoke_table(profile, radius, exponent=tires.spoke_exponent)
+        spoke, sunk = _sunk(table, load, declared, tires.stiffness_N_per_m[i])
+        rows = make_interp_spline(places, np.stack([road.rise[i], *road.stretch[:, i]], axis=1), k=5)
+        for at, rise in zip(paths.station_m[:, i].T, paths.rise_m[:, i].T, strict=True):
+            near = np.flatnonzero((at > places[0]) & (at < profile.length_m))
+            near = near[:: 1 + near.size // _JUDGED]
+            level, a, b, c, lift = rows(at[near]).T
+            below = level - rise[near]
+            touching = np.maximum(below, lift - sunk)
+            deflection = sunk + below + touching * (a + touching * (b + touching * c))
+            found = spoke * np.interp(deflection, table.deflection_m, table.flat_force)
+            centre = radius - sunk + rise[near]
+            exact = spoke * np.concatenate(
+                [
+                    load_on_spokes(s, h, radius, profile.station_m, profile.height_m, tires.spoke_exponent)
+                    for s, h in zip(*(np.array_split(v, 1 + near.size // 500) for v in (at[near], centre)), strict=True)
+                ]
+            )
+            # Of a road that hardly moves the load no share is judged.
+            moved = max(float(np.sqrt(np.mean((exact - load) ** 2))), HARSH * load)
+            change = max(change, float(np.sqrt(np.mean((found - exact) ** 2))) / moved)
+            peak = max(peak, abs(float(found.max() / max(exact.max(), load)) - 1.0))
+    return Misfit(change, peak)

@@ -7,18 +7,19 @@ depends on the number of draws that are simulated together, and time on the leng
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
 
 from sysid import limits
-from sysid.arrays import DrawsByParameters
+from sysid.arrays import DrawsByParameters, Stations
 from sysid.campaign.records import PredictionRequest
 from sysid.campaign.roads import RoadCourse
 from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitState
 from sysid.prediction.assumed_stops import AssumedStops
-from sysid.prediction.felt_road import HARSH, MOST_HARSH_M, DrivenLoads, FeltRoad
+from sysid.prediction.felt_road import HARSH, MOST_HARSH_M, FeltRoad, Misfit, WheelPaths
 from sysid.prediction.finite import check_finite
 from sysid.prediction.measures import extremes, quantiles
 from sysid.prediction.pass_over_road import pass_over_road
@@ -37,21 +38,34 @@ from sysid.prediction.trust import DrivenRange
 from sysid.prediction.vehicle_draws import (
     VehicleDraws,
 )
-from sysid.prediction.vehicle_groups import VehicleGroup, felt_by_vehicle, vehicle_groups
+from sysid.prediction.vehicle_groups import (
+    Driven,
+    VehicleGroup,
+    felt_by_vehicle,
+    misfit_by_vehicle,
+    vehicle_groups,
+)
 from sysid.progress import Progress, unwatched
 from sysid.road.driven_road import course_heights
 from sysid.road.roughness import class_of_density, class_of_profile, roughness_index
 from sysid.threads import side_by_side
 from sysid.vehicle_model.engine import Timing
 
+T = TypeVar("T")
+
 #: Length of a stretch, of the run-up before it, and of its first part, where the road grows out of a level one [s].
 STRETCH_S, RUN_UP_S, GROWTH_S = 20.0, 7.0, 3.5
-#: Interval of the histories [s], and the steps of the integration in it on gentle and on harsh roads: one step on a
-#: gentle road departs by 0.1 % of the dynamic load from eight.
+#: Interval of the histories [s], which is one step of the integration on gentle roads: that departs by 0.1 % of the
+#: dynamic load from eight steps.
 INTERVAL_S = 0.004
-_GENTLE_STEPS, _HARSH_STEPS = 1, 4
-#: How often the springs over edges are followed about the loads of the time before.
-_ROUNDS = 2
+#: Step of the integration on harsh roads [s], and the way between two samples there [m] as far as it allows.
+_HARSH_STEP_S, _HARSH_WAY_M = 0.001, 0.008
+#: How often the springs over edges are followed about the paths of the time before, at most, and the root mean square
+#: move of a path [m] at which it has settled; vehicles whose loads are compared with the springs.
+_ROUNDS, _SETTLED_M, _JUDGED = 8, 2e-4, 3
+#: Loads over edges are said to be off where the root mean square error of their change is more than this, or that of a
+#: peak.
+_MOST_CHANGE, _MOST_PEAK = 0.05, 0.03
 #: Draws behind the bands of the histories: those of all draws of a long road take much memory.
 BAND_DRAWS = 40
 
@@ -98,18 +112,20 @@ def predict_road(
         station, height = course_heights(course, k)
         tracks.append((station, height))
         roads.append(felt_by_vehicle(state, request.load_case, station, height.mean(axis=0)))
-    samples = int(np.ceil(duration / INTERVAL_S)) + 1
-    time = INTERVAL_S * np.arange(samples)
+    clock = _clock(speed, any(road.harsh for road in roads))
+    samples = int(np.ceil(duration / clock.interval_s)) + 1
+    time = clock.interval_s * np.arange(samples)
     place = speed * time[:, None] - x
     on_road = (place >= 0.0) & (place <= course.length_m)
     batch, groups = vehicle_groups(state, request.load_case, roads[0].stretch_of(-1.0, 0.5, 0.0), sets, vehicles, stops)
+    said = _said(request, max((road.misfit for road in roads if not road.harsh), default=0.0))
+    misfits = []
     for k, road in enumerate(roads):
-        for _ in range(_ROUNDS if road.harsh else 0):
-            # The first vehicles tell what axles carry over the edges; about these loads the springs are followed.
-            first = _driven_over(state, request, groups[0], roads[k], samples, 0)
-            loads = DrivenLoads(place, np.median(first.forces, axis=-1))
-            roads[k] = felt_by_vehicle(state, request.load_case, tracks[k][0], tracks[k][1].mean(axis=0), loads)
-    shift = x / speed / INTERVAL_S
+        if road.harsh:
+            station, height = tracks[k]
+            roads[k], misfit = _settled(state, request, groups[0], road, station, height.mean(axis=0), samples, clock)
+            misfits.append(misfit)
+    shift = x / speed / clock.interval_s
     found: list[dict[str, np.ndarray]] = []
     kept: list[dict[str, np.ndarray]] = []
     drawn = 0
@@ -117,17 +133,18 @@ def predict_road(
         drives = []
         for k, road in enumerate(roads):
             progress(f"{course.label}", (number + k / len(roads)) / len(groups))
-            drives.append(_driven_over(state, request, group, road, samples, max(RANGE_DRAWS - drawn, 0)))
+            drives.append(_driven_over(state, request, group, road, samples, clock, max(RANGE_DRAWS - drawn, 0)))
         if drawn < BAND_DRAWS:
-            kept.append(_of_some(drives[0], on_road, shift, course.length_m, speed, BAND_DRAWS - drawn))
+            kept.append(
+                _of_some(drives[0], on_road, shift, course.length_m, speed * clock.interval_s, BAND_DRAWS - drawn)
+            )
         drawn += len(group.sets)
         found.append(measures(drives, on_road, shift, course.stress_exponent))
-        frequency, found[-1]["spectrum"] = load_spectra(drives, on_road, INTERVAL_S)
+        frequency, found[-1]["spectrum"] = load_spectra(drives, on_road, clock.interval_s)
     measured, some = (
         {name: np.concatenate([p[name] for p in parts], axis=-1) for name in parts[0]} for parts in (found, kept)
     )
     static = batch.matrices.static_load[0, :, 0]
-    harsh, misfit = max((road.misfit, road.harsh) for road in roads)[::-1]
     return pass_over_road(
         campaign,
         request,
@@ -137,61 +154,128 @@ def predict_road(
         static,
         driven,
         stops if vehicles is None else vehicles.stops,
-        _said(request, misfit, harsh),
+        [*said, *_said_of_edges(request, misfits)],
         load_coefficient=quantiles(measured["coefficient"]),
         road=_loads(course, tracks, measured, some, frequency),
     )
 
 
 def _of_some(
-    drive: Drive, on_road: np.ndarray, shift: np.ndarray, length_m: float, speed_m_s: float, most: int
+    drive: Drive, on_road: np.ndarray, shift: np.ndarray, length_m: float, step_m: float, most: int
 ) -> dict[str, np.ndarray]:
     """What is kept of at most so many draws over the first realisation, the draws along the last axis.
 
     Single precision is far beyond what the model knows.
     """
     forces = drive.forces[..., :most].astype(np.float32)
-    found = {"forces": forces, "aggregate": aggregate_loads(forces, shift, length_m, speed_m_s * INTERVAL_S)}
+    found = {"forces": forces, "aggregate": aggregate_loads(forces, shift, length_m, step_m)}
     found["tire_ranges"], found["suspension_ranges"] = counted_ranges(drive, on_road, length_m)
     return found
 
 
+def _clock(speed_m_s: float, harsh: bool) -> Timing:
+    """Interval of the samples and steps in it; their number is that of no samples."""
+    if not harsh:
+        return Timing(0, INTERVAL_S, 1)
+    steps = int(np.clip(_HARSH_WAY_M / speed_m_s / _HARSH_STEP_S, 1, round(INTERVAL_S / _HARSH_STEP_S)))
+    return Timing(0, steps * _HARSH_STEP_S, steps)
+
+
 def _driven_over(
-    state: FitState, request: PredictionRequest, group: VehicleGroup, road: FeltRoad, samples: int, counted: int
+    state: FitState,
+    request: PredictionRequest,
+    group: VehicleGroup,
+    road: FeltRoad,
+    samples: int,
+    clock: Timing,
+    counted: int,
 ) -> Drive:
     """Forces of some vehicles at the first `samples` instants from where axle 1 meets the road.
 
     Suspension forces are kept of the first `counted` of them.
     """
-    speed = request.speed_m_s
-    x = np.array([axle.x_m for axle in state.campaign.vehicle.axles])
-    count = len(group.sets)
-    stretches = int(np.ceil(samples * INTERVAL_S / STRETCH_S))
-    each = int(np.ceil(samples / stretches))
-    run_up = int(np.ceil((RUN_UP_S + x.max() / speed) / INTERVAL_S))
-    timing = Timing(each + run_up, INTERVAL_S, _HARSH_STEPS if road.harsh else _GENTLE_STEPS)
-    forces = np.empty((samples, x.size, count))
-    suspension = np.empty((samples, x.size, min(counted, count)), np.float32)
-    static = group.static_N
+    axles, count = group.static_N.shape
+    forces = np.empty((samples, axles, count))
+    suspension = np.empty((samples, axles, min(counted, count)), np.float32)
 
-    def stretch(number: int) -> dict[str, np.ndarray]:
-        begin = number * each
-        start_s = (begin - run_up) * INTERVAL_S
-        end_m = speed * (begin + each) * INTERVAL_S + 1.0
-        one = road.stretch_of(speed * start_s, speed * GROWTH_S, end_m)
-        found = group.driven(one.of_runs([0] * count), x, speed, -start_s, timing)
-        check_finite(request, state.parameters, group.sets.T, static[:, 0], found.tire_N, found.suspension_N)
-        tire = group.erring(found.tire_N[run_up:])
-        part = forces[begin : begin + each]
-        part[:] = tire[: len(part)]
-        kept = suspension[begin : begin + each]
-        kept[:] = found.suspension_N[run_up : run_up + len(kept), :, : kept.shape[2]]
-        return extremes(found.sunk_m[run_up:], found.extension_m[run_up:], tire, INTERVAL_S)
+    def kept(begin: int, part: Driven, _: float) -> dict[str, np.ndarray]:
+        tire = group.erring(part.tire_N)
+        forces[begin : begin + len(tire)] = tire[: samples - begin]
+        suspension[begin : begin + len(tire)] = part.suspension_N[: samples - begin, :, : suspension.shape[2]]
+        return extremes(part.sunk_m, part.extension_m, tire, clock.interval_s)
 
-    found = side_by_side(stretch, range(stretches))
+    found = _over_stretches(state, request, group, road, samples, clock, kept)
     together = {name: np.stack([f[name] for f in found]) for name in found[0]}
     most = {name: v.sum(axis=0) if name == "lift_off_s" else v.max(axis=0) for name, v in together.items()}
-    return Drive(forces, suspension, static, most)
+    return Drive(forces, suspension, group.static_N, most)
+
+
+def _over_stretches(
+    state: FitState,
+    request: PredictionRequest,
+    group: VehicleGroup,
+    road: FeltRoad,
+    samples: int,
+    clock: Timing,
+    kept: Callable[[int, Driven, float], T],
+) -> tuple[T, ...]:
+    """What is kept of every stretch: from its first sample, its histories and the station where its road begins [m]."""
+    speed, interval = request.speed_m_s, clock.interval_s
+    x = np.array([axle.x_m for axle in state.campaign.vehicle.axles])
+    stretches = int(np.ceil(samples * interval / STRETCH_S))
+    each = int(np.ceil(samples / stretches))
+    run_up = int(np.ceil((RUN_UP_S + x.max() / speed) / interval))
+    timing = clock._replace(samples=each + run_up)
+    static = group.static_N
+
+    def stretch(number: int) -> T:
+        begin = number * each
+        start_s = (begin - run_up) * interval
+        one = road.stretch_of(speed * start_s, speed * GROWTH_S, speed * (begin + each) * interval + 1.0)
+        found = group.driven(one.of_runs([0] * static.shape[1]), x, speed, -start_s, timing)
+        check_finite(request, state.parameters, group.sets.T, static[:, 0], found.tire_N, found.suspension_N)
+        return kept(begin, found.after(run_up), speed * start_s)
+
+    return side_by_side(stretch, range(stretches))
+
+
+def _settled(
+    state: FitState,
+    request: PredictionRequest,
+    group: VehicleGroup,
+    road: FeltRoad,
+    station_m: Stations,
+    height_m: Stations,
+    samples: int,
+    clock: Timing,
+) -> tuple[FeltRoad, Misfit]:
+    """A harsh road about the paths of the vehicles of a group, followed again until these stay where they are."""
+    paths = _paths(state, request, group, road, samples, clock)
+    for _ in range(_ROUNDS):
+        road = felt_by_vehicle(state, request.load_case, station_m, height_m, paths)
+        before, paths = paths, _paths(state, request, group, road, samples, clock)
+        moved = np.median(paths.rise_m, axis=-1) - np.median(before.rise_m, axis=-1)
+        if np.sqrt(np.mean(moved**2, axis=0)).max() < _SETTLED_M:
+            break
+    some = np.unique(np.linspace(0, paths.rise_m.shape[2] - 1, _JUDGED).round().astype(int))
+    few = WheelPaths(paths.station_m[:, :, some], paths.rise_m[:, :, some])
+    return road, misfit_by_vehicle(state, request.load_case, station_m, height_m, road, few)
+
+
+def _paths(
+    state: FitState, request: PredictionRequest, group: VehicleGroup, road: FeltRoad, samples: int, clock: Timing
+) -> WheelPaths:
+    """Where the wheels of all vehicles of a group come on a road."""
+    x = np.array([axle.x_m for axle in state.campaign.vehicle.axles])
+
+    def kept(begin: int, part: Driven, start_m: float) -> WheelPaths:
+        place = request.speed_m_s * clock.interval_s * (begin + np.arange(len(part.tire_N)))[:, None] - x
+        found = group.wheels(part, place)
+        return WheelPaths(found.station_m, found.rise_m + road.level_m(start_m)[:, None])
+
+    parts = _over_stretches(state, request, group, road, samples, clock, kept)
+    station, rise = (np.concatenate(of)[:samples] for of in zip(*((p.station_m, p.rise_m) for p in parts), strict=True))
+    return WheelPaths(station, rise)
 
 
 def _loads(
@@ -227,16 +311,22 @@ def _loads(
     )
 
 
-def _said(request: PredictionRequest, misfit: float, harsh: bool) -> list[str]:
-    """What has to be known about the road of a pass."""
+def _said(request: PredictionRequest, misfit: float) -> list[str]:
+    """What has to be known about a gentle road, or one that is too long for its edges."""
     if misfit <= HARSH:
         return []
-    if harsh:
-        return [
-            f"{request.bump}: at its edges loads are off by up to {100.0 * misfit:.0f} % of the static load from those "
-            "of the tires' springs."
-        ]
     return [
         f"{request.bump}: the road has edges that a tire does not smooth as the model takes it; loads there may be "
         f"off by {100.0 * misfit:.0f} % of the static load. Cut the road to {MOST_HARSH_M:g} m about them."
+    ]
+
+
+def _said_of_edges(request: PredictionRequest, misfits: Sequence[Misfit]) -> list[str]:
+    """What has to be known about a short road with edges."""
+    change, peak = (max((getattr(m, name) for m in misfits), default=0.0) for name in ("change", "peak"))
+    if change <= _MOST_CHANGE and peak <= _MOST_PEAK:
+        return []
+    return [
+        f"{request.bump}: over its edges loads are off those of the tires' springs by {100.0 * change:.0f} % of the "
+        f"change of load (root mean square), peaks by {100.0 * peak:.0f} %."
     ]

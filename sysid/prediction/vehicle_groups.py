@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property, partial
 
 import jax
 import numpy as np
 
 from sysid.arrays import DrawsByParameters, Stations
+from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import law_inputs, laws_side_by_side
 from sysid.prediction.assumed_stops import AssumedStops
 from sysid.prediction.driven_range import spring_deflection
-from sysid.prediction.felt_road import DrivenLoads, FeltRoad, felt_road
+from sysid.prediction.felt_road import FeltRoad, Misfit, WheelPaths, felt_road, misfit_on_springs
 from sysid.prediction.vehicle_draws import (
     TOGETHER,
     DrawnVehicles,
@@ -25,19 +26,27 @@ from sysid.prediction.vehicle_draws import (
 from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
 from sysid.vehicle_model.engine import Timing, wheel_road
 from sysid.vehicle_model.motion import Motion
-from sysid.vehicle_model.passes import Pass, PassBatch, declared_tires, load_case_matrices, pass_matrices
+from sysid.vehicle_model.passes import MapTires, Pass, PassBatch, declared_tires, load_case_matrices, pass_matrices
 from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, StackedMatrices, runs_side_by_side
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 
 @dataclass(frozen=True)
 class Driven:
-    """Histories (T, na, t) of t vehicles: tire and suspension forces [N], suspension and tire deflections [m]."""
+    """Histories (T, na, t) of t vehicles: tire and suspension forces [N], suspension and tire deflections [m].
+
+    `body` (T, nb, t) coordinates of the bodies.
+    """
 
     tire_N: np.ndarray
     suspension_N: np.ndarray
     extension_m: np.ndarray
     sunk_m: np.ndarray
+    body: np.ndarray
+
+    def after(self, samples: int) -> Driven:
+        """The histories without their first samples."""
+        return Driven(*(getattr(self, field.name)[samples:] for field in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -69,8 +78,18 @@ class VehicleGroup:
         wheels = wheel_road(matrices, road, axle_x[:, None], motion, timing)
         found = wheels.engine.histories(matrices, suspension, tire, wheels, timing)
         sunk = spring_deflection(tire, found.tire_force)
-        parts = (found.tire_force, found.suspension_force, found.deflection, sunk)
+        parts = (found.tire_force, found.suspension_force, found.deflection, sunk, found.body)
         return Driven(*(np.moveaxis(np.asarray(part)[:, :, :, 0], 1, 2) for part in parts))
+
+    def wheels(self, driven: Driven, place_m: np.ndarray) -> WheelPaths:
+        """Where the wheels' centres were in histories of the vehicles; `place_m` (T, na) of axles at even speed [m]."""
+        matrices, axles = self.made[0], place_m.shape[1]
+        position = matrices.position if matrices.beams is None else _turned(matrices.position, matrices.beams.wheel)
+        above, ahead = (
+            np.einsum("taj,sjt->sat", position[:, part], driven.body)
+            for part in (slice(0, axles), slice(axles, 2 * axles))
+        )
+        return WheelPaths(place_m[:, :, None] + ahead, above - driven.extension_m)
 
     def erring(self, tire_N: np.ndarray) -> np.ndarray:
         """Tire forces (T, na, t) [N] with the contact error of every draw."""
@@ -80,22 +99,31 @@ class VehicleGroup:
         return np.moveaxis(with_contact_error(np.moveaxis(tire_N, 1, 2), static, self.contact_error), 1, 2)
 
 
+def _turned(position: np.ndarray, wheel: np.ndarray) -> np.ndarray:
+    """Rows of the bodies above the wheels in place of those above the coordinates of common beams."""
+    axles = wheel.shape[1]
+    return np.concatenate([wheel @ position[:, :axles], position[:, axles:]], axis=1)
+
+
 def felt_by_vehicle(
-    state: FitState, load_case: str, station_m: Stations, height_m: Stations, loads: DrivenLoads | None = None
+    state: FitState, load_case: str, station_m: Stations, height_m: Stations, paths: WheelPaths | None = None
 ) -> FeltRoad:
     """What the tires of a calibrated vehicle feel of a surface (:func:`sysid.prediction.felt_road.felt_road`)."""
-    campaign, point = state.campaign, state.point
-    cases = campaign.load_cases
-    return felt_road(
-        station_m,
-        height_m,
-        campaign.vehicle,
-        cases[load_case],
-        next(iter(cases.values())),
-        point.tires or declared_tires(campaign.vehicle),
-        point.contact,
-        loads,
-    )
+    return felt_road(station_m, height_m, *_felt_with(state, load_case), state.point.contact, paths)
+
+
+def misfit_by_vehicle(
+    state: FitState, load_case: str, station_m: Stations, height_m: Stations, road: FeltRoad, paths: WheelPaths
+) -> Misfit:
+    """How far loads are from those of the springs (:func:`sysid.prediction.felt_road.misfit_on_springs`)."""
+    return misfit_on_springs(road, station_m, height_m, *_felt_with(state, load_case), paths)
+
+
+def _felt_with(state: FitState, load_case: str) -> tuple[Vehicle, LoadCase, LoadCase, MapTires]:
+    """Vehicle, load case, the first load case, and tires."""
+    campaign, cases = state.campaign, state.campaign.load_cases
+    tires = state.point.tires or declared_tires(campaign.vehicle)
+    return campaign.vehicle, cases[load_case], next(iter(cases.values())), tires
 
 
 def vehicle_groups(

@@ -31,8 +31,11 @@ _MAP_DEPTH_PER_RADIUS = 0.12
 _DEEPEST_PER_RADIUS = 0.24
 #: Loads for which the footprint map is fitted: so many, up to so many times the static load.
 _MAP_LEVELS, _MAP_LOAD_RATIO = 24, 6.0
-#: The same of maps about known loads: so many; those within this share of the load count, and this much of all others.
-_ABOUT_LEVELS, _ABOUT_SHARE, _ABOUT_OTHERS = 48, 0.25, 1e-3
+#: Maps about known heights: depths from so many widths above them to as many below, and so many over the whole table,
+#: which weigh this much; the least width [m], and the exponent in which the depths of the whole table are spaced.
+_ABOUT_WIDTHS, _ABOUT_LEVELS, _ALL_LEVELS, _ALL_WEIGHT, _ABOUT_M, _ALL_POWER = 2.5, 21, 12, 1e-4, 0.003, 1.5
+#: In forces to this power deflections are nearly straight, so that coarse levels are exact enough.
+_STRAIGHT = 2.0 / 3.0
 #: Distance of the stations of tables and maps; a footprint is some twenty times as long.
 MAP_STEP_M = 0.01
 #: Distance of the points of the road between which the compression is linear, and stations that are taken together.
@@ -214,10 +217,8 @@ def effective_profile(
     spoke_stiffness = reference_load_N / np.interp(reference, table.deflection_m, table.flat_force)
     target = load_N / spoke_stiffness
     flat = np.interp(target, table.flat_force, table.deflection_m)
-    # Interpolating the deflection in force^(2/3), in which it is nearly straight, keeps the coarse levels exact enough.
-    power = 2.0 / 3.0
-    deflection = _interpolated_rows(np.array([target**power]), table.force**power, table.deflection_m)[:, 0]
-    flat = np.interp(target**power, table.flat_force**power, table.deflection_m)
+    deflection = _interpolated_rows(np.array([target**_STRAIGHT]), table.force**_STRAIGHT, table.deflection_m)[:, 0]
+    flat = np.interp(target**_STRAIGHT, table.flat_force**_STRAIGHT, table.deflection_m)
     rise = table.contact_height_m - deflection - (table.radius_m - flat)
     return table.station_m, np.where(np.abs(rise) < 1e-7, 0.0, rise)
 
@@ -284,63 +285,117 @@ def footprint_map(table: SpokeTable, load_N: float, reference_load_N: float, sti
 
 @lru_cache(maxsize=128)
 def _known_map(table: SpokeTable, load_N: float, reference_load_N: float, stiffness_N_per_m: float) -> FootprintMap:
-    return _fitted_map(table, load_N, reference_load_N, stiffness_N_per_m, None)
+    tire = _tire_on_table(table, load_N, reference_load_N, stiffness_N_per_m)
+    deepest = np.interp((_MAP_DEPTH_PER_RADIUS * table.radius_m), table.deflection_m, table.flat_force)
+    largest = min(_MAP_LOAD_RATIO * tire.unit_load, max(deepest, 2.0 * tire.unit_load))
+    target = largest * np.linspace(0.0, 1.0, _MAP_LEVELS + 1)[1:] ** 1.2
+    equivalent = np.interp(target**_STRAIGHT, table.flat_force**_STRAIGHT, table.deflection_m)
+    deflection = _interpolated_rows(target**_STRAIGHT, table.force**_STRAIGHT, table.deflection_m)
+    weight = np.ones(_MAP_LEVELS)
+    return _fitted_map(table, tire, deflection, equivalent, weight, target / target.max(), weight)
 
 
 def footprint_map_about(
-    table: SpokeTable, load_N: float, reference_load_N: float, stiffness_N_per_m: float, about_N: np.ndarray
+    table: SpokeTable,
+    load_N: float,
+    reference_load_N: float,
+    stiffness_N_per_m: float,
+    height_m: np.ndarray,
+    width_m: np.ndarray,
 ) -> FootprintMap:
-    """Fit the footprint map of a tire about the loads (n,) [N] that it carries at the stations of the table.
+    """Fit the footprint map of a tire about the heights of its centre at the stations of the table.
 
-    Over edges a cubic for all loads is a few per cent off; about known ones it follows the springs closely.
-    `misfit_m` is the largest error of e at these loads.  Other parameters as in :func:`effective_profile`.
+    Over edges a cubic for all loads is a few per cent off; about a path that the wheel takes it follows the springs
+    closely.  `misfit_m` is the root mean square error of e about the path, where it is largest.
+
+    Parameters
+    ----------
+    height_m : (n,) height of the wheel's centre at the stations of the table [m].
+    width_m : (n,) standard deviation of the heights at which the map has to hold [m]; 3 mm where less is given.
+    table, load_N, reference_load_N, stiffness_N_per_m : as for :func:`effective_profile`.
     """
-    return _fitted_map(table, load_N, reference_load_N, stiffness_N_per_m, about_N)
+    tire = _tire_on_table(table, load_N, reference_load_N, stiffness_N_per_m)
+    deepest = float(table.deflection_m[-1])
+    # Where the wheel is off the road, the map has to hold from first contact on.
+    at = np.clip(table.contact_height_m - height_m, 0.0, deepest)[:, None]
+    width = np.maximum(width_m, _ABOUT_M)[:, None]
+    whole = np.broadcast_to(deepest * np.linspace(0.0, 1.0, _ALL_LEVELS) ** _ALL_POWER, (at.size, _ALL_LEVELS))
+    local = at + width * np.linspace(-_ABOUT_WIDTHS, _ABOUT_WIDTHS, _ABOUT_LEVELS)
+    deflection = np.concatenate([local, whole], axis=1)
+    inside = (deflection >= 0.0) & (deflection <= deepest)
+    deflection = np.clip(deflection, 0.0, deepest)
+    flat = table.flat_force**_STRAIGHT
+    equivalent = _at_levels(deflection, table.deflection_m, np.interp(table.force**_STRAIGHT, flat, table.deflection_m))
+    # Deeper than that a flat road is not tabulated.
+    inside &= equivalent < (1.0 - 1e-9) * deepest
+    near = np.exp(-0.5 * ((deflection - at) / width) ** 2) * inside
+    near[:, _ABOUT_LEVELS:] = 0.0
+    weight = near.copy()
+    weight[:, _ABOUT_LEVELS:] = _ALL_WEIGHT * inside[:, _ABOUT_LEVELS:]
+    return _fitted_map(table, tire, deflection, equivalent, weight, weight, near)
+
+
+@dataclass(frozen=True)
+class _TireOnTable:
+    """Static load in that of unit spokes, the deflection [m] at it, and the effective profile (n,) [m]."""
+
+    unit_load: float
+    static_m: float
+    rise_m: np.ndarray
+
+
+def _tire_on_table(table: SpokeTable, load_N: float, reference_load_N: float, stiffness_N_per_m: float) -> _TireOnTable:
+    _, rise = effective_profile(table, load_N, reference_load_N, stiffness_N_per_m)
+    reference = static_deflection(table, reference_load_N, stiffness_N_per_m)
+    unit = load_N / (reference_load_N / float(np.interp(reference, table.deflection_m, table.flat_force)))
+    static = float(np.interp(unit**_STRAIGHT, table.flat_force**_STRAIGHT, table.deflection_m))
+    return _TireOnTable(unit, static, rise)
 
 
 def _fitted_map(
-    table: SpokeTable, load_N: float, reference_load_N: float, stiffness_N_per_m: float, about_N: np.ndarray | None
+    table: SpokeTable,
+    tire: _TireOnTable,
+    deflection_m: np.ndarray,
+    equivalent_m: np.ndarray,
+    weight: np.ndarray,
+    drag_weight: np.ndarray,
+    judged: np.ndarray,
 ) -> FootprintMap:
-    station, rise = effective_profile(table, load_N, reference_load_N, stiffness_N_per_m)
-    power = 2.0 / 3.0
-    reference = static_deflection(table, reference_load_N, stiffness_N_per_m)
-    spoke_stiffness = reference_load_N / np.interp(reference, table.deflection_m, table.flat_force)
-    flat = table.flat_force**power
-    static = np.interp((load_N / spoke_stiffness) ** power, flat, table.deflection_m)
-    deepest = np.interp((_MAP_DEPTH_PER_RADIUS * table.radius_m), table.deflection_m, table.flat_force)
-    largest = min(_MAP_LOAD_RATIO * load_N / spoke_stiffness, max(deepest, 2.0 * load_N / spoke_stiffness))
-    levels = _MAP_LEVELS if about_N is None else _ABOUT_LEVELS
-    target = largest * np.linspace(0.0, 1.0, levels + 1)[1:] ** 1.2
-    equivalent = np.interp(target**power, flat, table.deflection_m)
-    deflection = _interpolated_rows(target**power, table.force**power, table.deflection_m)
-    height = table.contact_height_m[:, None] - deflection
+    """The map through equivalent deflections (n, k) or (k,) of deflections (n, k) below first contact [m].
+
+    The misfit is over those that `judged` (k,) or (n, k) weighs.
+    """
+    rise, static = tire.rise_m, tire.static_m
+    height = table.contact_height_m[:, None] - deflection_m
     below = rise[:, None] + (table.radius_m - static) - height
-    extra = equivalent - static - below
+    extra = equivalent_m - static - below
     basis = np.stack([below, below**2, below**3], axis=-1)
     # Columns are scaled so that the small powers of metres do not spoil the normal equations.
     scale = np.array([static, static**2, static**3])
-    weight = np.ones(levels)
-    if about_N is not None:
-        width = _ABOUT_SHARE * np.maximum(about_N, load_N)[:, None]
-        near = np.exp(-0.5 * ((spoke_stiffness * target - about_N[:, None]) / width) ** 2)
-        weight = near + _ABOUT_OTHERS
     coefficients = _fit_rows(basis / scale, extra, weight) / scale
     off = (basis * coefficients[:, None, :]).sum(axis=-1) - extra
-    if about_N is None:
-        misfit = float(np.abs(off).max())
-    else:
-        misfit = float(np.sqrt((near * off**2).sum(axis=1) / near.sum(axis=1)).max())
     # A peak of a rough road between two points is not touched at first.
     force, forward = table.force[:, 1:], table.forward_force[:, 1:]
     slope = np.divide(forward, force, out=np.zeros_like(force), where=force > 0.0)
-    ratio = _at_levels(deflection, table.deflection_m[1:], slope)
+    ratio = _at_levels(deflection_m, table.deflection_m[1:], slope)
     drag_scale = np.array([1.0, static, static**2])
     drag_basis = np.stack([np.ones_like(below), below, below**2], axis=-1)
-    drag = _fit_rows(drag_basis / drag_scale, ratio, target / target.max()) / drag_scale
+    drag = _fit_rows(drag_basis / drag_scale, ratio, drag_weight) / drag_scale
+    # About a path a wheel may be deep enough to feel what lies beyond the footprint of its static load.
     on_flat = np.abs(rise) < 1e-6
+    if judged.ndim == 2:
+        on_flat &= (np.abs(extra) * (judged > 1e-3)).max(axis=1) < 1e-6
     coefficients[on_flat], drag[on_flat] = 0.0, 0.0
     lift = rise - (table.contact_height_m - table.radius_m)
-    return FootprintMap(station, rise, coefficients.T, drag.T, lift, misfit)
+    return FootprintMap(table.station_m, rise, coefficients.T, drag.T, lift, _largest_error(off, judged))
+
+
+def _largest_error(off: np.ndarray, judged: np.ndarray) -> float:
+    """The largest error (n, k), or with weights of every row its largest root mean square."""
+    if judged.ndim == 1:
+        return float(np.abs(off).max())
+    total = judged.sum(axis=1)
+    return float(np.sqrt((judged * off**2).sum(axis=1) / np.where(total > 0.0, total, 1.0)).max())
 
 
 def _interpolated_rows(values: np.ndarray, rows: np.ndarray, levels: np.ndarray) -> np.ndarray:

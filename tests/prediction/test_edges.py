@@ -1,0 +1,126 @@
+"""Axle loads over planks and potholes with vertical walls, against springs that meet the road at every instant."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import spokes_over_road
+from fit_states import state_at
+from rigid_truck import AXLES, DAMPING, EMPTY, STIFFNESS, VEHICLE, bump, campaign, empty_run, true_log_parameters
+
+from sysid.campaign.records import PredictionRequest
+from sysid.campaign.roads import RoadCourse
+from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
+from sysid.estimation.parameters.campaign_parameters import campaign_parameters
+from sysid.estimation.residuals.bump_model import bump_model
+from sysid.estimation.residuals.residual_weights import Weights
+from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.prediction import road_loads
+from sysid.prediction.driven_range import driven_range
+from sysid.prediction.felt_road import WheelPaths, felt_road, misfit_on_springs
+from sysid.prediction.road_loads import predict_road
+from sysid.road.enveloping import SPOKE_EXPONENT
+from sysid.vehicle_model.passes import Pass, declared_tires, load_case_matrices, pass_matrices
+
+STATIC_N = np.array(EMPTY.axle_loads_kg) * VEHICLE.gravity_m_s2
+X_M = np.array([axle.x_m for axle in AXLES])
+EDGE_M = 2.0
+
+
+@pytest.fixture(scope="module")
+def state():
+    data = campaign([empty_run("a.csv", 9.0)], predictions=[PredictionRequest("empty", 9.0)])
+    parameters = campaign_parameters(data, None)
+    model = bump_model(data, parameters, {"bump": bump()})
+    scale = np.ones((1, len(model.layout.sensors)))
+    motion = RunMotion.steady(np.array([9.0]), np.array([0.5]))
+    # The load law of the springs on a flat road.
+    values = true_log_parameters(parameters.names)
+    values[parameters.names.index("tire_exponent")] = np.log(SPOKE_EXPONENT + 0.5)
+    return state_at(data, model, values, motion, Weights((scale,), (scale,)))
+
+
+def edged(size_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """A plank of 150 mm, or of a negative height a hole of 600 mm."""
+    station = np.arange(0.0, 8.0, 0.002)
+    inside = (station > EDGE_M - 1e-9) & (station < EDGE_M + (0.15 if size_m > 0.0 else 0.6))
+    return station, np.where(inside, size_m, 0.0)
+
+
+def predicted(state, size_m: float, speed_m_s: float):
+    station, height = edged(size_m)
+    course = RoadCourse(float(station[-1]), step_m=0.002, height_m=height, source="a road")
+    request = PredictionRequest("empty", speed_m_s, course.label, road=course)
+    return predict_road(state, request, state.point.log_parameters[None], None, driven_range(state), None)
+
+
+def on_springs(size_m: float, speed_m_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times from where axle 1 is over station 0, and loads (T, na) [N]."""
+    one = Pass("empty", "", hold_s=0.05)
+    matrices = pass_matrices(load_case_matrices(VEHICLE, {"empty": EMPTY}, [one]), [one], [])
+    tires = spokes_over_road.Tires(
+        np.array([a.tire_radius_m for a in AXLES]),
+        STATIC_N,
+        STATIC_N,
+        np.array([a.tire_stiffness_N_per_m for a in AXLES]),
+        np.array([a.tire_damping_N_s_per_m for a in AXLES]),
+        SPOKE_EXPONENT,
+    )
+    station, height = edged(size_m)
+    begin = EDGE_M - 0.5
+    wide = np.arange(-X_M.max() - 1.0, station[-1] + 5.0, 0.002)
+    up = np.interp(wide, station, height)
+    seconds = (X_M.max() + 1.6) / speed_m_s + 0.25
+    time, force = spokes_over_road.drive(
+        matrices, (STIFFNESS, DAMPING), tires, X_M, wide - begin, up, speed_m_s, seconds
+    )[:2]
+    return time + begin / speed_m_s, force
+
+
+def departure(found, time: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Root mean square over that of the change of load, and relative error of the peaks, (na,) each."""
+    time, force = (v[time < found.time_s[-1]] for v in (time, force))
+    each = np.array([np.interp(time, found.time_s, one) for one in found.tire_force_q50_N]).T
+    change = np.sqrt(np.mean((each - force) ** 2, axis=0) / np.mean((force - STATIC_N) ** 2, axis=0))
+    return change, found.tire_force_q50_N.max(axis=1) / force.max(axis=0) - 1.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("km_h", [16.0, 30.0])
+@pytest.mark.parametrize("size_m", [-0.02, -0.05, -0.08, 0.04, 0.075])
+def test_loads_over_edges_are_those_of_the_springs(state, size_m: float, km_h: float):
+    found = predicted(state, size_m, km_h / 3.6)
+    change, peak = departure(found, *on_springs(size_m, km_h / 3.6))
+    assert np.all(change < 0.05)
+    assert np.all(np.abs(peak) < 0.03)
+    assert not any("edges" in words for words in found.warnings)
+
+
+@pytest.mark.long
+def test_a_pass_that_is_off_the_springs_says_so(state, monkeypatch):
+    """The maps for all loads, by which the peaks of the rear axles over this hole are a third off."""
+    right = predicted(state, -0.08, 30.0 / 3.6)
+    assert not any("edges" in words for words in right.warnings)
+    monkeypatch.setattr(road_loads, "_ROUNDS", 0)
+    off = predicted(state, -0.08, 30.0 / 3.6)
+    assert np.abs(off.peak_ratio_q50 / right.peak_ratio_q50 - 1.0).max() > 0.03
+    assert any("over its edges loads are off those of the tires' springs by" in words for words in off.warnings)
+
+
+def test_what_maps_for_all_loads_are_off_is_measured():
+    """A wheel that falls 50 mm into a hole and climbs out of it, by both kinds of maps."""
+    axle = Axle("axle", 0, 0.0, 500.0, 3e6, 0.0, 0.5, "other")
+    vehicle = Vehicle("one axle", (Body("body"),), (axle,))
+    load = LoadCase("laden", (4e3,), (3.5e3,), (1e3,), (1.0,))
+    station = np.arange(0.0, 2.5, 0.002)
+    height = np.where((station > 1.0) & (station < 1.6), -0.05, 0.0)
+    at = np.linspace(0.2, 2.4, 200)[:, None, None]
+    path = WheelPaths(at, -0.05 * np.exp(-(((at - 1.55) / 0.2) ** 2)))
+    arguments = station, height, vehicle, load, load, declared_tires(vehicle)
+    everywhere, about = (felt_road(*arguments, "footprint", paths) for paths in (None, path))
+    assert everywhere.harsh
+    off, near = (misfit_on_springs(road, *arguments, path) for road in (everywhere, about))
+    assert near.change < 0.01
+    assert near.peak < 0.01
+    assert off.change > 0.05
+    assert off.peak > 0.05
