@@ -37,6 +37,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=SEED, help="seed of faults and simulated campaigns")
     parser.add_argument("--count", type=int, default=len(cases()), help="number of cases with a fault")
     parser.add_argument("--healthy", type=int, default=40, help="number of healthy campaigns")
+    parser.add_argument("--trucks", nargs="+", default=(), help="vehicles of the healthy campaigns, in turn")
     parser.add_argument("--document", type=Path, default=None, help="file whose tables are rewritten")
     parser.add_argument("--effects", action="store_true", help="measure what faults that pass do to k and c")
     options = parser.parse_args(arguments)
@@ -44,7 +45,7 @@ def main(arguments: list[str] | None = None) -> None:
     run = partial(faulty, folder=folder, seed=options.seed, known={})
     for number in fill(options.output, f"fault{options.seed}", range(options.count), run):
         sys.stderr.write(f"fault {number}\n")
-    whole = partial(unharmed, folder=folder, seed=options.seed)
+    whole = partial(unharmed, folder=folder, seed=options.seed, trucks=options.trucks)
     for number in fill(options.output, f"healthy{options.seed}", range(options.healthy), whole):
         sys.stderr.write(f"healthy {number}\n")
     faults = collect(options.output, f"fault{options.seed}").records

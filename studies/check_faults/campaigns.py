@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,19 +25,23 @@ def base(name: str, folder: Path, seed: int) -> Path:
     return _simulated(folder / f"{name}_{seed}", ["--vehicle", name, "--seed", str(seed)])
 
 
-def healthy(number: int, folder: Path, seed: int) -> Path:
-    """Folder of one healthy campaign, made if it is not there: what it is follows from seed and number."""
-    return _simulated(folder / f"healthy_{seed}_{number:03d}", healthy_options(number, seed))
+def healthy(number: int, folder: Path, seed: int, trucks: Sequence[str] = ()) -> Path:
+    """Folder of one healthy campaign, made if it is not there: what it is follows from seed, number and trucks."""
+    return _simulated(folder / f"healthy_{seed}_{number:03d}", healthy_options(number, seed, trucks))
 
 
-def healthy_options(number: int, seed: int) -> list[str]:
-    """Vehicle, rates, bump, speeds and suspension of a healthy campaign, as options of the simulator."""
+def healthy_options(number: int, seed: int, trucks: Sequence[str] = ()) -> list[str]:
+    """Vehicle, rates, bump, speeds and suspension of a healthy campaign, as options of the simulator.
+
+    Vehicles are taken from `trucks` in turn; without any, most are three-axle trucks, others semitrailers.
+    """
     rng = np.random.default_rng([seed, number, 7])
 
     def one(*values: str) -> str:
         return values[int(rng.integers(len(values)))]
 
     vehicle = "semitrailer5" if rng.random() < 0.12 else "rigid3"
+    vehicle = trucks[number % len(trucks)] if trucks else vehicle
     speeds = one("9 16 24", "8 16", "12 20 30", "16 24", "6 10 14")
     return [
         *("--vehicle", vehicle, "--seed", str(1000 * seed + number)),

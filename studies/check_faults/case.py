@@ -7,6 +7,7 @@ import io
 import re
 import shutil
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -143,9 +144,9 @@ def judged(made: Made, after: Said, before: Said) -> dict[str, Any]:
     }
 
 
-def unharmed(number: int, folder: Path, seed: int) -> dict[str, Any]:
+def unharmed(number: int, folder: Path, seed: int, trucks: Sequence[str] = ()) -> dict[str, Any]:
     """What is said of a healthy campaign: everything that names a fault counts."""
-    said = check(healthy(number, folder, seed))
+    said = check(healthy(number, folder, seed, trucks))
     accusing = sorted(x for x in said.sentences if not re.search(HARMLESS, x))
     return {
         "number": number,

@@ -150,8 +150,26 @@ def _seen(channel: Channel, time: np.ndarray) -> np.ndarray | None:
     return readings if np.isfinite(readings).mean() > _WHOLE else None
 
 
+@dataclass(frozen=True)
+class OwnSprings:
+    """A part of the first body, such as a cab, on springs of its own at `x_m`, with a frequency there."""
+
+    x_m: float
+    frequency_hz: float
+    damping_ratio: float = 0.15
+
+    def moves_more(self, omega: np.ndarray) -> np.ndarray:
+        """(F,) its motion over that of the frame below it, less one: (1 + 2 i z r) / (1 - r^2 + 2 i z r) - 1."""
+        r = omega / (2.0 * np.pi * self.frequency_hz)
+        return r**2 / (1.0 - r**2 + 2j * self.damping_ratio * r)
+
+
 def balance(
-    spectra: Sequence[RunSpectra], vehicle: Vehicle, load_cases: Sequence[LoadCase], free: str | None = None
+    spectra: Sequence[RunSpectra],
+    vehicle: Vehicle,
+    load_cases: Sequence[LoadCase],
+    free: str | None = None,
+    part: OwnSprings | None = None,
 ) -> Balance | None:
     """Solve the balance of all runs together.
 
@@ -162,6 +180,8 @@ def balance(
     free
         ``inertia``: the pitch inertia of every body about its hinge gets a factor of its own; ``moment``: the first
         moment, mass times the distance of the centre of gravity from the hinge, does.
+    part
+        A part of the first body that moves against its frame; its share of the body's mass comes last in `freed`.
 
     Returns
     -------
@@ -175,6 +195,10 @@ def balance(
         columns = [np.outer(p, -q) for p, q in zip(phi, run.deflection, strict=True)]
         columns += [np.outer(p, -v) for p, v in zip(phi, run.velocity, strict=True)]
         columns += [-f for f in freed]
+        if part is not None:
+            rise = frame_rise(vehicle, 0, part.x_m)
+            more = part.moves_more(run.omega) * (rise @ run.motion)
+            columns.append(np.outer(rise, -load_case.sprung_mass_kg[0] * more))
         scaled = np.stack([(c / size).ravel() for c in columns], axis=1)
         target = (inertia / size).ravel()
         rows.append(np.concatenate([scaled.real, scaled.imag]))

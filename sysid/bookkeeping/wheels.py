@@ -28,6 +28,8 @@ HOPS_APART, HOPS_ALIKE, HOPS_NEAR = 0.95, 0.5, 0.4
 HOP_OVER_NOISE, _REST_S = 4.0, 0.1
 #: Of the runs with this share of the largest power, more than half must show the hop at this share of its frequency.
 _SHAKEN, _SAME_HOP = 0.05, 0.08
+#: Somewhere below a hop at less than this frequency, an axle moves with less than this share of its power.
+_LOW_HOP_HZ, _ALONE = 7.0, 0.3
 #: The height of the bump follows from the axles' motion within 8 % (median of axles and runs), 30 % in odd campaigns,
 #: as with strong one-sided dampers; another unit or another bump is off by more.
 HEIGHT_OFF = 0.5
@@ -101,9 +103,13 @@ def hop_frequency(runs: Sequence[BumpRun], passages: Mapping[str, Passage | None
     if not powers:
         return None
     # The runs that shake the wheel most show its hop best; after slow ones it moves with the frame.
-    k = int(np.argmax(np.sum(powers, axis=0)))
+    total = np.sum(powers, axis=0)
+    k = int(np.argmax(total))
     peaks = np.max(powers, axis=1)
     own = frequency[np.argmax(powers, axis=1)][peaks > _SHAKEN * peaks.max()]
+    # Near the lower end, a shoulder of the frame's motion has a highest point too: a hop stands alone.
+    if frequency[k] < _LOW_HOP_HZ and total[: k + 1].min() > _ALONE * total[k]:
+        return None
     if not 0 < k < frequency.size - 1 or np.mean(np.abs(own / frequency[k] - 1.0) < _SAME_HOP) <= 0.5:
         return None
     return float(frequency[k])

@@ -247,6 +247,22 @@ def test_the_runs_that_shake_a_wheel_tell_its_frequency() -> None:
     assert hop_frequency(runs, passages, 0) == pytest.approx(10.0, abs=0.3)
 
 
+@pytest.mark.parametrize(
+    ("frequency", "decay", "found"), [(5.6, 25.0, False), (5.6, 8.0, False), (6.5, 4.0, True), (9.0, 25.0, True)]
+)
+def test_a_shoulder_of_the_motion_of_the_frame_is_no_hop(frequency: float, decay: float, found: bool) -> None:
+    """What has its highest point at 5.6 Hz is as large at 5 Hz; a hop stands alone, or is faster than frames move."""
+    time = 0.005 * np.arange(800)
+    after = np.clip(time - 1.9, 0.0, None)
+    ring = 30.0 * np.exp(-decay * after) * np.sin(2.0 * np.pi * frequency * after)
+    value = ring + np.random.default_rng(3).normal(0.0, 0.02, time.size)
+    channel = Channel(Sensor("a", "axle_acceleration", "g", axle=0), time, value, np.zeros(800, np.int8))
+    run = BumpRun("case", "empty", 4.0, 1, Log("run.csv", 0.005, (channel,)))
+    hz = hop_frequency([run], {"run.csv": Passage(4.0, {0: Arrival(1.5, 1, 0.5)}, 1)}, 0)
+    assert (hz is not None) == found
+    assert not found or hz == pytest.approx(frequency, abs=0.3)
+
+
 def test_all_masses_in_pounds_show_in_the_hop_of_the_wheels() -> None:
     def pounds(case):
         names = ("axle_loads_kg", "sprung_mass_kg", "pitch_inertia_kg_m2")

@@ -116,7 +116,7 @@ def half_car(tmp_path_factory):
     return replace(campaign, load_cases={"empty": empty, "laden": laden}, plank_drops=drops_of)
 
 
-def of_modes(campaign, listed: str = "empty", springs: float = 1.0) -> dict[str, str]:
+def of_modes(campaign, listed: str = "empty", springs: float | np.ndarray = 1.0) -> dict[str, str]:
     """Complaints about drops that are listed under a load case, where runs show springs times a factor."""
     car = HalfCar()
     found = SimpleNamespace(
@@ -144,6 +144,20 @@ def test_no_axle_has_two_stiffnesses_under_one_load(half_car, springs: float, fa
     sentence = of_modes(alone, springs=springs)["empty"]
     assert f"springs {factor} times as stiff as those that the bump runs show" in sentence
     assert of_modes(alone, springs=1.15) == {}
+
+
+@pytest.mark.parametrize(("springs", "named"), [((1.0, 1.0), False), ((0.5, 1.0), False), ((0.5, 0.5), True)])
+def test_one_axle_speaks_for_no_other(half_car, springs: tuple[float, float], named: bool) -> None:
+    """Friction of one axle looks like softer springs there, and only there."""
+    alone = replace(half_car, load_cases={"empty": half_car.load_cases["empty"]})
+    assert (of_modes(alone, springs=np.array(springs)) != {}) == named
+
+
+def test_drops_of_a_single_axle_tell_no_factor(half_car) -> None:
+    rear = tuple(d for d in half_car.plank_drops if d.axle == 1)
+    alone = replace(half_car, load_cases={"empty": half_car.load_cases["empty"]}, plank_drops=rear)
+    assert {d.axle for d in half_car.plank_drops} == {0, 1}
+    assert of_modes(alone, springs=0.5) == {}
 
 
 def test_a_repeat_of_another_truck_is_odd(half_car, tmp_path) -> None:
@@ -177,3 +191,24 @@ def test_a_suspension_that_friction_holds_is_not_odd(half_car, noise_m: float, m
     told = {"empty": SimpleNamespace(stiffness=np.array(car.stiffness), damping=np.array(car.damping))}
     said = drop_cases.odd_repeats(replace(half_car, plank_drops=(*half_car.plank_drops, replace(drop, log=log))), told)
     assert [s.startswith("held.csv") for s in said] == [True] * odd
+
+
+@pytest.mark.parametrize(("seed", "moved_m", "odd"), [(0, 2.5e-4, False), (4, 2.5e-4, False), (1, 4e-3, True)])
+def test_creep_within_the_noise_is_not_odd_beside_repeats_that_are_held(half_car, seed, moved_m, odd) -> None:
+    """All repeats are held by friction and show noise of 0.25 mm; one of them moves besides, in no mode."""
+    drop = half_car.plank_drops[-1]
+    rng = np.random.default_rng(seed)
+
+    def held(number: int):
+        def readings(c):
+            away = moved_m * (number == 0) * np.sin(2.0 * np.pi * 9.0 * c.time_s) * (c.time_s < c.time_s[-1] - 0.8)
+            fallen = 0.02 * (c.time_s < 0.4)
+            return replace(c, value=fallen + away + 2.5e-4 * rng.normal(size=c.value.size))
+
+        channels = tuple(readings(c) if c.sensor.kind == "suspension_deflection" else c for c in drop.log.channels)
+        return replace(drop, log=replace(drop.log, file=f"held{number}.csv", channels=channels))
+
+    car = HalfCar()
+    told = {"empty": SimpleNamespace(stiffness=np.array(car.stiffness), damping=np.array(car.damping))}
+    said = drop_cases.odd_repeats(replace(half_car, plank_drops=tuple(map(held, range(3)))), told)
+    assert [s.startswith("held0.csv") for s in said] == [True] * odd

@@ -27,6 +27,16 @@ class Bending:
 
 
 @dataclass(frozen=True)
+class Cab:
+    """A part of the first body that stands at `x_m` on a spring and a damper of its own, and only heaves."""
+
+    mass_kg: float
+    x_m: float
+    frequency_hz: float
+    damping_ratio: float
+
+
+@dataclass(frozen=True)
 class Elements:
     """What the suspension of an axle has beside its spring and damper; none of it by default.
 
@@ -54,9 +64,9 @@ class IndependentTruck:
     """Numbers of a truck, per axle and per body, SI; `hitch` (x, height) of every body but the first.
 
     `rocker` the axles that one joins, and `share` of it; `bending` by body, None for rigid ones.  `load_cases` by name:
-    axle loads [kg], sprung masses [kg], pitch inertias [kg m2], heights of the centres of gravity [m].  `stiffness` of
-    the first load case; `roughness_m3` of the road, displacement spectrum at 0.1 cycles/m; a spoke's force grows with
-    its shortening to the power `spoke_exponent`.
+    axle loads [kg], sprung masses [kg], pitch inertias [kg m2], heights of the centres of gravity [m], all with the
+    `cab`.  `stiffness` of the first load case; `roughness_m3` of the road, displacement spectrum at 0.1 cycles/m; a
+    spoke's force grows with its shortening to the power `spoke_exponent`.
     """
 
     body: tuple[int, ...]
@@ -77,6 +87,7 @@ class IndependentTruck:
     roughness_m3: float = 0.0
     road_seed: int = 5
     spoke_exponent: float = 0.7
+    cab: Cab | None = None
 
     def stiffness_of(self, case: str) -> np.ndarray:
         """Stiffness of every suspension in a load case [N/m]."""
@@ -114,7 +125,8 @@ class Equations:
         unsprung = np.array(truck.unsprung_kg)
         nb, na = truck.bodies, x.size
         bends = [b for b in range(nb) if truck.bending and truck.bending[b] is not None]
-        unit = np.eye(3 * nb + len(bends) + na)
+        above = 3 * nb + len(bends) + (truck.cab is not None)
+        unit = np.eye(above + na)
         xi, z, theta = unit[0 : 3 * nb : 3], unit[1 : 3 * nb : 3], unit[2 : 3 * nb : 3]
         eta = {b: unit[3 * nb + k] for k, b in enumerate(bends)}
         cg, hinge_load = self._statics(truck, loads, sprung)
@@ -141,9 +153,16 @@ class Equations:
             mass += shapes[b][1] * np.outer(eta[b], eta[b])
             stiff += modal * omega**2 * np.outer(eta[b], eta[b])
             damp += modal * 2 * zeta * omega * np.outer(eta[b], eta[b])
+        if truck.cab is not None:
+            # Its motion against the frame is a coordinate; the body's masses hold it as if it moved with the frame.
+            part, frame, against = truck.cab, up(0, truck.cab.x_m), unit[above - 1]
+            mass += part.mass_kg * (np.outer(frame + against, frame + against) - np.outer(frame, frame))
+            spring = part.mass_kg * (2 * np.pi * part.frequency_hz) ** 2
+            stiff += spring * np.outer(against, against)
+            damp += 2 * part.damping_ratio * np.sqrt(spring * part.mass_kg) * np.outer(against, against)
         forward = np.array([ahead(body[i], truck.radius_m[i]) for i in range(na)])
         for i in range(na):
-            zi = unit[3 * nb + len(bends) + i]
+            zi = unit[above + i]
             mass += unsprung[i] * (np.outer(zi, zi) + np.outer(forward[i], forward[i]))
         support = (loads - unsprung) * GRAVITY
         tilt = [float((support * (np.array(truck.radius_m) - height[b]))[body == b].sum()) for b in range(nb)]
@@ -159,14 +178,14 @@ class Equations:
         # the axle loads are; torques of brakes and shafts turn the bodies.
         ground = np.array([ahead(body[i], 0.0) for i in range(na)])
         driven = loads @ ground - mass @ xi.sum(axis=0)
-        extension = np.array([up(body[i], x[i]) - unit[3 * nb + len(bends) + i] for i in range(na)])
+        extension = np.array([up(body[i], x[i]) - unit[above + i] for i in range(na)])
         through = np.eye(na)
         members = list(truck.rocker)
         if members:
             through[np.ix_(members, members)] = (1 - truck.share) * np.eye(len(members)) + truck.share / len(members)
         inverse = np.linalg.inv(free.T @ mass @ free)
         self.extension = extension @ free
-        self.wheel = unit[3 * nb + len(bends) :] @ free
+        self.wheel = unit[above:] @ free
         self.forward = forward @ free
         self.points = np.array([up(body[i], x[i]) for i in range(na)]) @ free
         self.stiffness, self.damping = (inverse @ free.T @ m @ free for m in (stiff, damp))
