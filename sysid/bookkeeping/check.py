@@ -32,7 +32,9 @@ from sysid.road.scan import analyse_scan
 T = TypeVar("T")
 
 
-def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
+def check_bookkeeping(
+    campaign: Campaign, read: Campaign, analyse: Callable[[Scan], ScanAnalysis] = analyse_scan
+) -> QualityReport:
     """Measured speeds, the scans' bumps, and sentences about what contradicts each other.
 
     Parameters
@@ -41,6 +43,8 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
         After the quality check: without rejected channels, and without runs of which nothing is left.
     read
         As read, for what the list says of all tests.
+    analyse
+        Analysis of a scan, for those who know it already.
 
     Returns
     -------
@@ -57,7 +61,7 @@ def check_bookkeeping(campaign: Campaign, read: Campaign) -> QualityReport:
         )
         for run in campaign.bump_runs
     )
-    scans, refused = _scans(campaign.scans)
+    scans, refused = _scans(campaign.scans, analyse)
     profiles: dict[str, RoadProfile] = {name: scan.profile for name, scan in scans.items()}
     runs, vehicle = campaign.bump_runs, campaign.vehicle
     said = name_complaints(read)
@@ -111,11 +115,13 @@ def _solved(compare: Callable[[], T], otherwise: T) -> T:
         return otherwise
 
 
-def _scans(scans: Mapping[str, Scan]) -> tuple[dict[str, ScanAnalysis], list[str]]:
+def _scans(
+    scans: Mapping[str, Scan], analyse: Callable[[Scan], ScanAnalysis]
+) -> tuple[dict[str, ScanAnalysis], list[str]]:
     done, refused = {}, []
     for name, scan in scans.items():
         try:
-            done[name] = analyse_scan(scan)
+            done[name] = analyse(scan)
         except DataRejectedError as error:
             refused.append(str(error))
     return done, refused

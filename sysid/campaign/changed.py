@@ -47,8 +47,13 @@ def changed_campaign(campaign: str | Path, name: str, changes: Mapping[str, Any]
     for key, value in changes.items():
         _set(tables, key, value)
     validate(copy.deepcopy(tables), name)
-    write_text(target, "\n".join(_tables("", tables)))
+    write_text(target, tables_text(tables))
     return target
+
+
+def tables_text(tables: Mapping[str, Any]) -> str:
+    """The text of a campaign file with these tables."""
+    return "\n".join(_tables("", tables))
 
 
 def _steps(key: str) -> list[str | int]:

@@ -58,6 +58,7 @@ def read_campaign(
     road_reader: RoadReader | None = None,
     planned: bool = False,
     unfinished: bool = False,
+    only: Collection[str] | None = None,
 ) -> Campaign:
     """Read a campaign: check the file, resolve names, convert to SI, read and hash every input.
 
@@ -73,6 +74,7 @@ def read_campaign(
     planned : take logs that do not exist for tests that are still to come: one blank reading of every declared sensor.
     unfinished : take a file with values that are still to be filled in, for the check of its logs only:
         :func:`sysid.campaign.toml.stand_ins.with_stand_ins`.
+    only : names of logs; drops, runs and drives that name another one are left out. None takes all.
 
     Returns
     -------
@@ -87,7 +89,8 @@ def read_campaign(
         If a log or scan cannot be read, or the clock of a logger is outside of its declared bounds.
     """
     declared = read_declared(path, unfinished=unfinished)
-    content, file, tables, vehicle = declared.content, declared.file, declared.tables, declared.vehicle
+    content, file, vehicle = declared.content, declared.file, declared.vehicle
+    tables = declared.tables if only is None else _of_logs(declared.tables, only)
     files = NamedFiles(file, tables.acquisition.sample_interval_s, {file.name: content.sha256}, planned)
     reader = _TestReader(file, tables, vehicle, files)
     scans = read_bumps(tables.scan, files, point_cloud_reader, profile_reader, tires_across(vehicle.vehicle))
@@ -126,6 +129,20 @@ def read_campaign(
         road_drives=drives,
         bridges=bridges,
     )
+
+
+def _of_logs(tables: s.CampaignFile, only: Collection[str]) -> s.CampaignFile:
+    tests = tables.tests
+
+    def there(*names: str | None) -> bool:
+        return all(paths.relative_name(name) in only for name in names if name is not None)
+
+    kept = {
+        "plank_drop": [entry for entry in tests.plank_drop if there(entry.file)],
+        "bump_run": [entry for entry in tests.bump_run if there(entry.file, *entry.files.values())],
+        "road_drive": [entry for entry in tests.road_drive if there(entry.file)],
+    }
+    return tables.model_copy(update={"tests": tests.model_copy(update=kept)})
 
 
 @dataclass(frozen=True)

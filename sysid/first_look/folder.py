@@ -51,6 +51,20 @@ def names_in(folder: Path) -> tuple[list[str], list[str]]:
     CampaignError
         If it is no folder, is empty, or holds more files or bytes than a campaign has.
     """
+    names, messages = names_so_far(folder)
+    if not names and not messages:
+        raise CampaignError(f"{shorten(folder, 100)} holds no files that could be logs; give the folder with the logs.")
+    return names, messages
+
+
+def names_so_far(folder: Path) -> tuple[list[str], list[str]]:
+    """As :func:`names_in`, of a folder that may be empty still.
+
+    Raises
+    ------
+    CampaignError
+        If it is no folder, or holds more files or bytes than a campaign has.
+    """
     label = shorten(folder, 100)
     if not folder.is_dir():
         what = "is a file" if folder.exists() else "does not exist"
@@ -76,14 +90,17 @@ def names_in(folder: Path) -> tuple[list[str], list[str]]:
                 messages.append(why)
                 continue
             names.append(path.relative_to(folder).as_posix())
-            size += path.stat().st_size if path.is_file() else 0
+            try:
+                size += path.stat().st_size if path.is_file() else 0
+            except FileNotFoundError:
+                # Renamed or removed meanwhile.
+                names.pop()
+                continue
             if len(names) > limits.FIRST_LOOK_FILES:
                 raise CampaignError(
                     f"{label} holds more than {limits.FIRST_LOOK_FILES} files; copy logs and scans of one campaign "
                     "into a folder of their own."
                 )
-    if not names and not messages:
-        raise CampaignError(f"{label} holds no files that could be logs; give the folder with the logs.")
     if size > limits.INPUT_BYTES:
         raise CampaignError(
             f"{label} holds {size / 1e9:.1f} GB, at most {limits.INPUT_BYTES / 1e9:.0f} are read; copy logs and scans "
