@@ -49,7 +49,7 @@ LEVELS = (
     {"export"},
     {"report"},
     {"workflow"},
-    {"comparison", "fleet"},
+    {"comparison", "fleet", "watch"},
     {"cli"},
     {"__main__"},
 )

@@ -149,6 +149,43 @@ def selftest(campaign: Path, replicates: int, seed: int) -> None:
     sys.exit(run_selftest(campaign, replicates, seed))
 
 
+@cli.command("watch")
+@click.argument("folder", type=_FOLDER)
+@click.option("--output", default="watch_output", show_default=True, type=output_option.folder,
+              help="Folder for everything written, outside of FOLDER.")  # fmt: skip
+@click.option("--campaign", default=None, type=click.Path(exists=True, dir_okay=False, path_type=Path),
+              help="Campaign file, with names relative to FOLDER (default: campaign.toml in FOLDER).")  # fmt: skip
+@click.option("--init", "begin", is_flag=True, help="Write campaign.toml into FOLDER by what the first logs suggest.")
+@click.option("--once", is_flag=True, help="Look at what is there, say all of it, and end.")
+@click.option("--every", "every_s", default=2.0, show_default=True, metavar="S", type=click.FloatRange(0.2, 3600.0),
+              help="Seconds between two looks.")  # fmt: skip
+@click.option("--no-fit", is_flag=True, help="Check the logs, and estimate no k and c.")
+@click.option(
+    "--stiffness",
+    "stiffness_percent",
+    default=2.0,
+    show_default=True,
+    metavar="PERCENT",
+    type=click.FloatRange(0.1, 100.0),
+    help="Half width of the 90 % interval of every k that is enough.",
+)
+@click.option(
+    "--damping",
+    "damping_percent",
+    default=5.0,
+    show_default=True,
+    metavar="PERCENT",
+    type=click.FloatRange(0.1, 100.0),
+    help="The same of every c.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print every report as one line of JSON.")
+def watch(folder: Path, no_fit: bool, **choices: Any) -> None:
+    """A test day: check every log that lands in FOLDER; say what is known of k and c, what comes next, when to stop."""
+    from sysid.cli.watch import WatchChoices, run_watch
+
+    sys.exit(run_watch(folder, WatchChoices(estimates=not no_fit, **choices)))
+
+
 @cli.command("compare")
 @click.argument("folders", nargs=-1, required=True, metavar="FOLDER FOLDER...", type=_FOLDER)
 @click.option("--output", default="comparison", show_default=True, type=output_option.folder,
