@@ -22,7 +22,7 @@ from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.measures import extremes, impulse_ratio, lift_off_time, load_coefficient, quantiles
 from sysid.prediction.predicted_passes import PassPrediction, Predictions, SpeedSweep
 from sysid.prediction.quantiles import Quantiles
-from sysid.prediction.remarks import remarks
+from sysid.prediction.remarks import edges, remarks
 from sysid.prediction.road_loads import predict_road
 from sysid.prediction.trust import DrivenRange, Reached, beyond_driven, extrapolations
 from sysid.prediction.vehicle_draws import (
@@ -233,7 +233,7 @@ def predict_pass(
         peak_ratio_q50=ratio.q50,
         peak_ratio_q95=ratio.q95,
         lift_off=(p.tire_N.min(axis=0) <= 0.0).mean(axis=1) >= 0.5,
-        warnings=remarks(campaign, request, trust, together, acting),
+        warnings=(*remarks(campaign, request, trust, together, acting), *edges(campaign, request, roads)),
         suspension_force_N=Quantiles(_transposed(suspension.q05), suspension.q50.T, _transposed(suspension.q95)),
         load_coefficient=quantiles(load_coefficient(p.tire_N, p.drawn_static_N, p.passing)),
         lift_off_s=quantiles(lift_off_time(p.tire_N, p.interval_s)),

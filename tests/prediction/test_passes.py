@@ -21,10 +21,10 @@ from sysid.prediction import predict_passes
 from sysid.prediction.measures import load_coefficient
 from sysid.prediction.predict_passes import effective_roads, predict, predict_pass, speed_sweep
 from sysid.prediction.predicted_passes import PassPrediction
-from sysid.prediction.remarks import remarks
+from sysid.prediction.remarks import edges, remarks
 from sysid.prediction.trust import Extrapolation
 from sysid.road.road_profile import RoadProfile
-from sysid.road.shapes import raised_cosine
+from sysid.road.shapes import make_profile, raised_cosine
 from sysid.vehicle_model.passes import EffectiveRoads
 
 SPEED_M_S = 10.0
@@ -74,6 +74,20 @@ def draws(truth) -> np.ndarray:
 @pytest.fixture(scope="module")
 def banded(data, parameters, truth, draws) -> PassPrediction:
     return predict_pass(data, parameters, felt(data), REQUEST, draws)
+
+
+@pytest.mark.parametrize(("rise_m", "said"), [(0.0, True), (0.3, False)])
+def test_edges_of_a_bump_are_said(data, parameters, truth, rise_m: float, said: bool):
+    """A plank of 40 mm by 150 mm, and one that tires climb over 0.3 m; springs over the plank: 12 to 32 % off."""
+    station = np.arange(0.0, 1.5 + 1e-9, 0.002)
+    top = (station > 0.6 - 1e-9) & (station < 0.75 - 1e-9)
+    climb = np.clip(np.minimum(station - 0.6 + rise_m, 0.75 + rise_m - station) / max(rise_m, 1e-9), 0.0, 1.0)
+    height = 0.04 * (np.where(top, 1.0, 0.0) if rise_m == 0.0 else 0.5 - 0.5 * np.cos(np.pi * climb))
+    words = edges(data, REQUEST, felt(data, make_profile(station, height)))
+    assert bool(words) == said
+    assert all("edges" in w and "predict --road FILE" in w for w in words)
+    found = predict_pass(data, parameters, felt(data, make_profile(station, height)), REQUEST, truth[None])
+    assert set(words) <= set(found.warnings)
 
 
 def test_a_pass_over_one_of_several_scans_names_it(data, parameters, truth, single):
