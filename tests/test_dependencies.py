@@ -90,7 +90,7 @@ def test_everything_imported_is_declared():
 
 
 def test_everything_declared_is_used():
-    used = imported_below("sysid", "tests", "benchmarks", "studies", "docs", "tools")
+    used = imported_below("sysid", "tests", "benchmarks", "studies", "docs", "tools", "examples")
     assert declared_everywhere() - used == set(LOADED_BY_OTHERS)
 
 
