@@ -38,8 +38,9 @@ def fuzz(target: Target, folder: Path, watch: Watch, examples: int) -> None:
     read()
 
 
-def check_figures(name: str, watch: Watch) -> None:
-    assert watch.seconds <= MOST_SECONDS, f"{name}: {watch.seconds:.2f} s"
+def check_figures(name: str, watch: Watch, sound_s: float = 0.0) -> None:
+    """Damaged files take little time, or on a slow machine little more than the sound ones."""
+    assert watch.seconds <= max(MOST_SECONDS, 2.0 * sound_s), f"{name}: {watch.seconds:.2f} s"
     assert watch.bytes + BASE_BYTES <= MOST_BYTES, f"{name}: {watch.bytes / 1e6:.0f} MB"
 
 
@@ -49,7 +50,8 @@ def test_damaged_files_end_in_a_result_or_one_sentence(name: str, tmp_path: Path
     target = TARGETS[name]
     for content in target.seeds:
         check(target, tmp_path, content, watch)
+    sound_s = watch.seconds
     fuzz(target, tmp_path, watch, SHORT.get(name, 150))
-    check_figures(name, watch)
+    check_figures(name, watch, sound_s)
     # Both ways out are taken, so that neither seeds nor damages are all of one kind.
     assert 0 < watch.refused < watch.examples
