@@ -162,4 +162,4 @@ def _cells(value: KnownValue | None) -> tuple[str, str, str]:
     if value is None:
         return "not known", "-", "-"
     by = {"fit": "fit", "balance": "force balance", "drops": "drops"}[value.source]
-    return f"{value.value / 1e3:.4g}", f"{100.0 * value.half_width:.2g}", by
+    return f"{value.value / 1e3:.4g}", f"{100.0 * value.half_width:.2g}", f"{by}, before" if value.older else by

@@ -83,12 +83,15 @@ class VehicleGroup:
 
     def wheels(self, driven: Driven, place_m: np.ndarray) -> WheelPaths:
         """Where the wheels' centres were in histories of the vehicles; `place_m` (T, na) of axles at even speed [m]."""
-        matrices, axles = self.made[0], place_m.shape[1]
+        (matrices, suspension, _), axles = self.made, place_m.shape[1]
         position = matrices.position if matrices.beams is None else _turned(matrices.position, matrices.beams.wheel)
         above, ahead = (
             np.einsum("taj,sjt->sat", position[:, part], driven.body)
             for part in (slice(0, axles), slice(axles, 2 * axles))
         )
+        if suspension.trailing is not None:
+            # Links lead a wheel aft as it rises, forward as the suspension extends.
+            ahead = ahead + suspension.trailing[:, :, 0].T * driven.extension_m
         return WheelPaths(place_m[:, :, None] + ahead, above - driven.extension_m)
 
     def erring(self, tire_N: np.ndarray) -> np.ndarray:

@@ -361,7 +361,7 @@ class TestDay:
         ]
         vehicle = self._listing.tables.get("vehicle", {})
         names = [str(axle.get("name", "")) for axle in vehicle.get("axle", ())]
-        found = known_axles(names, of_document(document) if document else {}, of_drops(drops))
+        found = known_axles(names, of_document(document, not current) if document else {}, of_drops(drops))
         return found, document if current else {}
 
     def _report(self) -> DayReport:

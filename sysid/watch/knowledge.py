@@ -27,18 +27,23 @@ _NAMED = 4
 Place = tuple[int, str | None, str]
 
 
-def of_document(document: Mapping[str, Any]) -> dict[Place, KnownValue]:
-    """Stiffness and damping in a `result.json`: those of the fit, where there is none those of the force balance."""
+def of_document(document: Mapping[str, Any], older: bool = False) -> dict[Place, KnownValue]:
+    """Stiffness and damping in a `result.json`: those of the fit, where there is none those of the force balance.
+
+    Parameters
+    ----------
+    older : whether it is of fewer logs than are there.
+    """
     known: dict[Place, KnownValue] = {}
     for e in (document.get("balance") or {}).get("estimates", ()):
         if e["determined"] and e["quantity"] in _QUANTITIES and e["value"]:
             half = (e["q95"] - e["q05"]) / (2.0 * e["value"])
-            known[e["axle"], e["load_case"], e["quantity"]] = KnownValue(e["value"], half, "balance")
+            known[e["axle"], e["load_case"], e["quantity"]] = KnownValue(e["value"], half, "balance", older)
     fitted: dict[Place, KnownValue] = {}
     for p in document.get("parameters", ()):
         value, sd = p["least_squares"]["value"], p["least_squares"]["sd"]
         if p["quantity"] in _QUANTITIES and p["run"] is None and p["axle"] and p["identified"] and value and sd:
-            fitted[p["axle"], p["load_case"], p["quantity"]] = KnownValue(value, Z90 * sd / value, "fit")
+            fitted[p["axle"], p["load_case"], p["quantity"]] = KnownValue(value, Z90 * sd / value, "fit", older)
     replaced = {(axle, quantity) for axle, _, quantity in fitted}
     return {place: v for place, v in known.items() if (place[0], place[2]) not in replaced} | fitted
 

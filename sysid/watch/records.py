@@ -52,11 +52,15 @@ class LogVerdict:
 
 @dataclass(frozen=True)
 class KnownValue:
-    """k [N/m] or c [N s/m] with half of its 90 % interval relative to it, and where it comes from."""
+    """k [N/m] or c [N s/m] with half of its 90 % interval relative to it, and where it comes from.
+
+    `older`: from a computation before the last log landed.
+    """
 
     value: float
     half_width: float
     source: Source
+    older: bool = False
 
 
 @dataclass(frozen=True)

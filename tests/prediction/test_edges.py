@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import spokes_over_road
@@ -19,6 +21,7 @@ from sysid.prediction import road_loads
 from sysid.prediction.driven_range import driven_range
 from sysid.prediction.felt_road import WheelPaths, felt_road, misfit_on_springs
 from sysid.prediction.road_loads import predict_road
+from sysid.prediction.vehicle_groups import Driven, VehicleGroup
 from sysid.road.enveloping import SPOKE_EXPONENT
 from sysid.vehicle_model.passes import Pass, declared_tires, load_case_matrices, pass_matrices
 
@@ -105,6 +108,23 @@ def test_a_pass_that_is_off_the_springs_says_so(state, monkeypatch):
     off = predicted(state, -0.08, 30.0 / 3.6)
     assert np.abs(off.peak_ratio_q50 / right.peak_ratio_q50 - 1.0).max() > 0.03
     assert any("over its edges loads are off those of the tires' springs by" in words for words in off.warnings)
+
+
+def test_paths_of_wheels_that_links_lead():
+    """By hand: a body 0.02 m up and 0.01 m ahead, a suspension 0.05 m longer, a wheel led aft by 0.1 of its jounce."""
+    position = np.array([[[1.0, 0.0], [0.0, 1.0]]])
+    matrices = SimpleNamespace(position=position, beams=None)
+    none, some = np.zeros((1, 1, 1)), np.array([[[0.05]]])
+    driven = Driven(none, none, some, none, np.array([[[0.02], [0.01]]]))
+
+    def path(trailing):
+        group = VehicleGroup(lambda: None, np.zeros((1, 1)), None)
+        group.__dict__["made"] = (matrices, SimpleNamespace(trailing=trailing), None)
+        found = group.wheels(driven, np.array([[7.0]]))
+        return float(found.station_m[0, 0, 0]), float(found.rise_m[0, 0, 0])
+
+    assert path(None) == pytest.approx((7.01, -0.03))
+    assert path(np.array([[[0.1]]])) == pytest.approx((7.015, -0.03))
 
 
 def test_what_maps_for_all_loads_are_off_is_measured():

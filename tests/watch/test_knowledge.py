@@ -53,6 +53,8 @@ def test_the_fit_goes_before_the_balance_and_the_balance_before_drops() -> None:
     first, second, third = known_axles(("a", "b", "c"), of_document(document), drops)
     assert first.stiffness == KnownValue(4e5, pytest.approx(norm.ppf(0.95) * 0.01), "fit")
     assert second.stiffness == KnownValue(1e6, pytest.approx(0.15), "balance")
+    before = known_axles(("a", "b", "c"), of_document(document, older=True), drops)
+    assert [row.stiffness and row.stiffness.older for row in before] == [True, True, False]
     assert second.damping is not None
     assert third.stiffness is not None
     assert (second.damping.source, third.stiffness.source) == ("drops", "drops")
