@@ -1,4 +1,4 @@
-"""`python -m studies.road_drives [TRUCKS] [SEED]`: errors of k and c and share of 90 % intervals that hold."""
+"""`python -m studies.road_drives [TRUCKS] [SEED]`: errors of k, c and load coefficients, and what intervals hold."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from studies.road_drives.trucks import CLASSES, Motion, campaign, draw, drive
+from studies.road_drives.trucks import CLASSES, SETTLING_S, STEP_S, G, Motion, campaign, draw, drive
 from sysid.balance import balance_forces
 
 DRIVES = [(16.7, "B"), (11.1, "C"), (22.2, "B")]
@@ -15,8 +15,8 @@ DRIVES = [(16.7, "B"), (11.1, "C"), (22.2, "B")]
 
 def main(trucks: int = 40, seed: int = 1) -> None:
     """Print one line per truck and the sums."""
-    errors: dict[str, list[float]] = {"stiffness": [], "damping": []}
-    held: dict[str, list[bool]] = {"stiffness": [], "damping": []}
+    errors: dict[str, list[float]] = {"stiffness": [], "damping": [], "load coefficient": []}
+    held: dict[str, list[bool]] = {name: [] for name in errors}
     rngs = [np.random.default_rng([seed, number]) for number in range(trucks)]
     drawn = [draw(rng) for rng in rngs]
     motions: dict[int, list[Motion]] = {}
@@ -38,6 +38,11 @@ def main(trucks: int = 40, seed: int = 1) -> None:
             errors[e.quantity].append(e.value / true - 1.0)
             held[e.quantity].append(e.low <= true <= e.high)
             line.append(f"{e.name} {100 * errors[e.quantity][-1]:+.1f}{'' if held[e.quantity][-1] else '!'}")
+        after = int(SETTLING_S / STEP_S)
+        for loads, motion in zip(found.loads, motions[number], strict=True):
+            true = motion.load[after:].std(axis=0) / (truck.load_kg * G)
+            errors["load coefficient"] += (loads.coefficient / true - 1.0).tolist()
+            held["load coefficient"] += ((loads.low <= true) & (true <= loads.high)).tolist()
         state = "" if found.converged else "not converged, "
         sys.stdout.write(f"{number + 1:2d} {seconds:4.1f} s {found.rounds:2d} rounds, {state}{', '.join(line)}\n")
         sys.stdout.flush()

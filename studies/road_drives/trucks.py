@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy import signal
 
-from sysid.campaign.records import Acquisition, BumpRun, Campaign, Channel, Log, Sensor
+from sysid.campaign.records import Acquisition, Campaign, Channel, Log, RoadDrive, Sensor
 from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
 
 STEP_S, SAMPLE_S, SECONDS, G = 1e-3, 5e-3, 42.0, 9.81
@@ -87,12 +87,13 @@ def road(rng: np.random.Generator, roughness: float, length_m: float) -> tuple[n
 
 @dataclass(frozen=True)
 class Motion:
-    """Deflections (steps, n) [m], heave and pitch accelerations (steps,) and accelerations of axles (steps, n)."""
+    """Deflections (steps, n) [m], heave and pitch accelerations (steps,), and of axles (steps, n), loads [N]."""
 
     deflection: np.ndarray
     heave: np.ndarray
     pitch: np.ndarray
     axle: np.ndarray
+    load: np.ndarray
 
 
 def drive(
@@ -125,30 +126,35 @@ def drive(
     def stretch(u: np.ndarray) -> np.ndarray:
         return np.asarray(u[:, :1] - u[:, 1:2] * arm - u[:, 2:])
 
+    def push(y: np.ndarray, h: np.ndarray, s: np.ndarray) -> np.ndarray:
+        return np.asarray(np.maximum(tire_k * (h - y[:, 2 : 2 + n]) + tire_c * (v * s - y[:, 4 + n :]), -static))
+
     def rates(y: np.ndarray, phi: np.ndarray, h: np.ndarray, s: np.ndarray) -> np.ndarray:
         u, rate = y[:, : 2 + n], y[:, 2 + n :]
         q, qd = stretch(u), stretch(rate)
         damper = c * qd / (1.0 + np.abs(qd) / knee) * np.where(qd > 0.0, 2.0 * ratio, 2.0) / (1.0 + ratio)
         pull = k * q * (1.0 + slope_a * q / 2.0 + curve * q**2 / 3.0) + damper + rubbing * phi
-        tire = np.maximum(tire_k * (h - u[:, 2:]) + tire_c * (v * s - rate[:, 2:]), -static)
+        tire = push(y, h, s)
         along = -(static + tire) * s
         turn = (np.sum(pull * arm, axis=1) + lever * along.sum(axis=1) - tilt * u[:, 1]) / inertia
         up = -pull.sum(axis=1) / mass
         return np.concatenate([rate, up[:, None], turn[:, None], (tire + pull) / unsprung], axis=1)
 
-    y, phi, out = np.zeros((b, 4 + 2 * n)), np.zeros((b, n)), np.zeros((steps, b, 2 + 2 * n))
+    y, phi, out = np.zeros((b, 4 + 2 * n)), np.zeros((b, n)), np.zeros((steps, b, 2 + 3 * n))
     for i in range(steps):
         h, s = ground[2 * i : 2 * i + 3], incline[2 * i : 2 * i + 3]
         q = stretch(y[:, : 2 + n])
         k1 = rates(y, phi, h[0], s[0])
-        out[i] = np.concatenate([q, k1[:, 2 + n :]], axis=1)
+        out[i] = np.concatenate([q, k1[:, 2 + n :], push(y, h[0], s[0])], axis=1)
         k2 = rates(y + STEP_S / 2 * k1, phi, h[1], s[1])
         k3 = rates(y + STEP_S / 2 * k2, phi, h[1], s[1])
         k4 = rates(y + STEP_S * k3, phi, h[2], s[2])
         y = y + STEP_S / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         moved = stretch(y[:, : 2 + n]) - q
         phi = np.sign(moved) + (phi - np.sign(moved)) * np.exp(-np.abs(moved) / slip)
-    return [Motion(o[:, :n], o[:, n], o[:, n + 1], o[:, n + 2 :]) for o in out.swapaxes(0, 1)]
+    return [
+        Motion(o[:, :n], o[:, n], o[:, n + 1], o[:, n + 2 : 2 + 2 * n], o[:, 2 + 2 * n :]) for o in out.swapaxes(0, 1)
+    ]
 
 
 def campaign(
@@ -199,10 +205,8 @@ def campaign(
                 time = SAMPLE_S * np.arange(shown.shape[0])
                 channels.append(Channel(sensor, time, shown[:, i], np.zeros(time.size, np.int8)))
         told = speed * (1.0 if exact else rng.uniform(0.985, 1.015))
-        runs.append(
-            BumpRun(f"drive {number + 1}", "only", told, 1, Log(f"drive{number + 1}.csv", SAMPLE_S, tuple(channels)))
-        )
+        runs.append(RoadDrive("only", told, Log(f"drive{number + 1}.csv", SAMPLE_S, tuple(channels))))
     return Campaign(
         "drawn truck", "", Path(), Path("campaign.toml"), Vehicle("truck", (Body("body"),), axles), {"only": case},
-        Acquisition(SAMPLE_S, None), (), tuple(runs), {}, (), {},
+        Acquisition(SAMPLE_S, None), (), (), {}, (), {}, road_drives=tuple(runs),
     )  # fmt: skip

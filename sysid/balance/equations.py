@@ -71,11 +71,16 @@ class Passage:
 
 @dataclass(frozen=True)
 class MassChange:
-    """Change of matrices by one standard deviation of a declared mass property, (nu, nu), (nu, nu) and (na, nu)."""
+    """Change of matrices by one standard deviation of a declared mass property, (nu, nu), (nu, nu) and (na, nu).
+
+    `unsprung` (na,) [kg] and `static` (na,) [N] are what it does to unsprung masses and loads at rest.
+    """
 
     mass: np.ndarray
     tilt: np.ndarray
     attachment: np.ndarray
+    unsprung: np.ndarray
+    static: np.ndarray
 
 
 @dataclass

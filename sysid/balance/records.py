@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 #: Widest 90 % interval of a value that counts as determined, upper over lower end (an assumption): a factor of 1.5.
 DETERMINED = 1.5
 
@@ -54,11 +56,34 @@ class BalancedRecord:
 
 
 @dataclass(frozen=True)
+class AxleLoads:
+    """Axle loads in one log, from `used_s` seconds of it; `static_N` (na,) is the load at rest.
+
+    - `coefficient` (na,): load coefficient, the standard deviation of the load over that at rest, to 25 Hz; `low` and
+      `high` the ends of 90 % intervals;
+    - `density` (na, m): one-sided power spectral density [N2/Hz] at `frequency_hz` (m,), with `density_low` and
+      `density_high`.
+    """
+
+    file: str
+    load_case: str
+    used_s: float
+    static_N: np.ndarray
+    coefficient: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    frequency_hz: np.ndarray
+    density: np.ndarray
+    density_low: np.ndarray
+    density_high: np.ndarray
+
+
+@dataclass(frozen=True)
 class ForceBalance:
     """k and c of all suspensions from the balance of forces on the bodies.
 
     `sentences` say what is missing or not determined; without `estimates` they say why. `converged` is about the
-    search, which took `rounds`.
+    search, which took `rounds`. `loads` are the axle loads of road drives.
     """
 
     estimates: tuple[BalanceEstimate, ...]
@@ -67,3 +92,4 @@ class ForceBalance:
     sentences: tuple[str, ...]
     converged: bool
     rounds: int
+    loads: tuple[AxleLoads, ...] = ()

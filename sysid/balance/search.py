@@ -103,7 +103,9 @@ def search(blocks: Sequence[Block], unknowns: Sequence[Unknown], considered: np.
         if rounds > _LINEAR + 2 and moved < _CLOSE:
             converged = True
             break
+    # With those that stay as declared goes what the others would do.
     carried = covariance @ information[:, count:][:, considered]
+    carried[count + np.flatnonzero(considered), np.arange(considered.sum())] = -1.0
     return Found(values, beside, covariance + carried @ carried.T, rounds, converged)
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid.balance.axle_loads import axle_loads
 from sysid.balance.equations import DEPARTURES, Block, MassChange, Passage, block_of
 from sysid.balance.laws import DAMPING, FRICTION, SLIP, STIFFNESS, UNITS, Unknown, unknowns_of
 from sysid.balance.motion import Stretch, smoothed, stretches_of, vertical_columns, with_noise_and_gains
@@ -33,7 +34,8 @@ def balance_forces(campaign: Campaign) -> ForceBalance:
     For every body, mass times acceleration and inertia times angular acceleration are the sum of the forces of its
     suspensions, functions of measured deflections and their rates: :mod:`sysid.balance.equations`, solved by
     :mod:`sysid.balance.search`. Intervals hold noise and gains of sensors, tolerances of masses, heights and scales,
-    forces that no law explains, and doubts about the laws.
+    forces that no law explains, and doubts about the laws. Of road drives there are the axle loads, too
+    (:mod:`sysid.balance.axle_loads`).
 
     Parameters
     ----------
@@ -79,7 +81,17 @@ def balance_forces(campaign: Campaign) -> ForceBalance:
     considered = [f.quantity != INERTIA for f in masses.factors]
     considered += [False] * ((1 + DEPARTURES) * len(vehicle.axles) + len(gains.columns))
     found = search(blocks, unknowns, np.array(considered, bool))
-    return _result(campaign, blocks, unknowns, found, [p.file for _, p in records])
+    balance = _result(campaign, blocks, unknowns, found, [p.file for _, p in records])
+    driven = {drive.log.file for drive in campaign.road_drives}
+    shared_gain = math.sqrt(float(np.mean(gains.covariance)))
+    loads = axle_loads(
+        [b for b in blocks if b.passage.file in driven],
+        unknowns,
+        found,
+        vehicle.tolerances.axle_load_scale,
+        shared_gain,
+    )
+    return replace(balance, loads=loads)
 
 
 def _refused(vehicle: Vehicle) -> str:
@@ -123,6 +135,8 @@ def mass_changes(
                     (there.mass - here.mass)[square] / _PART,
                     (there.tilt - here.tilt)[square] / _PART,
                     (there.attachment - here.attachment)[:, columns] / _PART,
+                    (there.unsprung_mass - here.unsprung_mass) / _PART,
+                    (there.static_load - here.static_load) / _PART,
                 )
             )
     return {name: tuple(c) for name, c in changes.items()}

@@ -180,6 +180,19 @@ def _balance(results: Results) -> dict[str, Any] | None:
             {"file": r.file, "load_case": r.load_case, "used_s": r.used_s, "unexplained": _number(r.unexplained)}
             for r in balance.records
         ],
+        "axle_loads": [
+            {
+                "file": loads.file,
+                "load_case": loads.load_case,
+                "axle": i + 1,
+                "static_load_N": _number(loads.static_N[i]),
+                "load_coefficient": _number(loads.coefficient[i]),
+                "q05": _number(loads.low[i]),
+                "q95": _number(loads.high[i]),
+            }
+            for loads in balance.loads
+            for i in range(len(loads.static_N))
+        ],
         "converged": balance.converged,
         "messages": list(balance.sentences),
     }

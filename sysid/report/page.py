@@ -144,6 +144,7 @@ def _calibration(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
         "parts_table": tables.parts_table(results),
         "contacts": tables.contact_table(results),
         "balance": tables.balance_table(results),
+        "driven_loads": tables.driven_loads_table(results),
         "loop_pictures": figures.loop_pictures(results, gallery),
         "modes": tables.modes_table(modes),
         "mode_pictures": figures.mode_pictures(modes, gallery),

@@ -272,6 +272,24 @@ def balance_table(results: Results) -> Table | None:
     return table("k and c from the bodies alone, without road, bump or tire", head, rows, text_columns=2)
 
 
+def driven_loads_table(results: Results) -> Table | None:
+    """Load coefficients of road drives by the force balance; None without such drives."""
+    if results.balance is None or not results.balance.loads:
+        return None
+    loads = results.balance.loads
+    rows = [
+        [
+            d.file,
+            d.load_case,
+            *(f"{v:.3f} ({a:.3f} to {b:.3f})" for v, a, b in zip(d.coefficient, d.low, d.high, strict=True)),
+        ]
+        for d in loads
+    ]
+    axles = (f"axle {i + 1}" for i in range(len(loads[0].static_N)))
+    title = "Load coefficients of road drives, to 25 Hz, with 90 % intervals"
+    return table(title, ("log", "load case", *axles), rows, text_columns=2)
+
+
 def contact_table(results: Results) -> Table | None:
     """Stiffness and damping by contact law of the tires; None where the fit was not repeated with others."""
     fit = results.fit

@@ -16,7 +16,10 @@ from sysid.files import read_json, remove, write_text
 _RECORD = Path("stages") / "written.json"
 #: Where reports and exports write: folders below the output folder, and files in it.
 _FOLDERS = ("figures", "models", "moving_forces", "predictions", "profiles")
-_FILES = ("covariance.json", "parameters.csv", "posterior.nc", "summary.pdf", "validation.csv")
+_FILES = (
+    "axle_load_spectra.csv", "axle_loads.csv", "covariance.json", "parameters.csv", "posterior.nc", "summary.pdf",
+    "validation.csv",
+)  # fmt: skip
 
 
 def remove_earlier(folder: Path, ending: str, written: Iterable[Path]) -> list[Path]:

@@ -11,7 +11,7 @@ from sysid.workflow.stage import Blocks, Command, Context, Whole
 from sysid.workflow.stages.data import CHECK
 
 if TYPE_CHECKING:
-    from sysid.balance.records import ForceBalance
+    from sysid.balance.records import AxleLoads, ForceBalance
     from sysid.results.contents import Results
 
 
@@ -45,7 +45,19 @@ def show_balance(balance: ForceBalance, results: Results) -> Blocks:
         for r in balance.records:
             table.add_row(r.file, r.load_case, f"{r.used_s:.1f}", f"{r.unexplained:.1%}")
         yield table
+    if balance.loads:
+        numbers = [f"axle {i + 1}" for i in range(len(axles))]
+        table = TextTable("Load coefficient, to 25 Hz, and 90 % interval", ("log", "load case", *numbers))
+        for loads in balance.loads:
+            table.add_row(loads.file, loads.load_case, *coefficient_cells(loads))
+        yield table
     yield from balance.sentences
+
+
+def coefficient_cells(loads: AxleLoads) -> list[str]:
+    """Load coefficients of a log, with 90 % intervals."""
+    rows = zip(loads.coefficient, loads.low, loads.high, strict=True)
+    return [f"{value:.3f} ({low:.3f}-{high:.3f})" for value, low, high in rows]
 
 
 def _fault(balance: ForceBalance) -> type[SysidError] | None:
@@ -63,7 +75,8 @@ BALANCE = Whole(
     in_run="always",
     effort=5.0,
     command=Command(
-        help="Stiffness and damping of every axle from the balance of forces on the bodies, whatever the road was.",
+        help="Stiffness and damping of every axle, and axle loads of road drives, from the balance of forces on the "
+        "bodies, whatever the road was.",
         show=show_balance,
         fault=_fault,
         next=("run",),

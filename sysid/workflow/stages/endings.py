@@ -63,12 +63,13 @@ SUMMARY = Ending(name="summary", write=_summary, effort=3.0, command=REPORT.comm
 
 def _export(results: Results, folder: Path, progress: Progress) -> Sequence[Path]:
     from sysid.export.covariance_json import COVARIANCE_FILE, write_covariance
+    from sysid.export.driven_loads import write_driven_loads
     from sysid.export.inference_data import write_posterior
     from sysid.export.models import write_models
     from sysid.export.result_json import result_identity, write_result
     from sysid.export.tables import write_parameters, write_predictions, write_profiles, write_validation
 
-    written = [folder / "result.json"]
+    written = [folder / "result.json", *write_driven_loads(results, folder)]
     if results.fit is not None:
         progress("tables", 0.0)
         write_parameters(results, folder / "parameters.csv")
