@@ -23,16 +23,18 @@ from vehicles import NAMES, ExampleVehicle, example_vehicle
 
 from sysid.campaign.records import Acquisition, AntiAliasFilter, BumpRun, Campaign, Log, PredictionRequest
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
-from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, law_inputs
+from sysid.estimation.parameters.axle_laws import axle_laws, law_inputs
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.road.road_profile import RoadProfile
-from sysid.vehicle_model.contact import EffectiveRoad, road_input
+from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.vehicle_model.engine import wheel_road
+from sysid.vehicle_model.engines.protocol import Timing
 from sysid.vehicle_model.filters import discretise
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.passes import EffectiveRoads, Pass, make_pass_batch
-from sysid.vehicle_model.simulation import SensorLayout, simulate_sensors, stage_times
+from sysid.vehicle_model.simulation import SensorLayout
 
 
 @dataclass(frozen=True)
@@ -203,28 +205,20 @@ def records(vehicle: Vehicle, cases: dict[str, LoadCase], runs: tuple[BumpRun, .
 
 
 class Simulator:
-    """Filtered readings of passes of one vehicle, all of one length, so that the model is compiled once."""
+    """Filtered readings of passes of one vehicle, all of one length."""
 
     def __init__(self, truth: TrueVehicle, physics: Physics, profile: RoadProfile, samples: int) -> None:
-        self._truth, self._samples = truth, samples
+        self._truth = truth
         self._bump, self._interval = profile.name, physics.sample_interval_s
         axles = tuple(range(len(truth.vehicle.axles)))
         self._layout = SensorLayout(axles, axles)
-        self._filter = physics.filter
         self._x = np.array([truth.values[name] for name in truth.parameters.names])
         tires = map_tires(truth.parameters, np.log(self._x))
         self._roads = EffectiveRoads(truth.vehicle, truth.load_cases, {profile.name: profile}, tires=tires)
-        self._simulate = jax.jit(self._make)
-
-    def _make(self, matrices, laws: LawInputs, table: EffectiveRoad, axle_x, speed, start) -> jax.Array:
         substeps = max(1, round(self._interval / STEP_S))
-        recursion = None if self._filter is None else discretise(self._filter, self._interval / substeps)
-        suspension, tire = axle_laws(laws, jnp.log(self._x)[:, None])
-        times = stage_times(self._samples, self._interval, substeps)[:, None, None, None]
-        inputs = road_input(table, speed * (times - start) - axle_x)
-        options = {"interval_s": self._interval, "substeps": substeps}
-        motion = Motion(speed, start)
-        return simulate_sensors(matrices, suspension, tire, motion, inputs, self._layout, recursion, **options)
+        self._timing = Timing(samples, self._interval, substeps)
+        low_pass = physics.filter
+        self._recursion = None if low_pass is None else discretise(low_pass, self._interval / substeps)
 
     def readings(self, load_case: str, speed_m_s: float, start_s: float, only_axle: int | None = None) -> np.ndarray:
         """(T, 3 na) deflections, axle and body accelerations above the axles [SI]; `only_axle` alone meets the bump."""
@@ -233,8 +227,11 @@ class Simulator:
         batch = make_pass_batch(vehicle, self._truth.load_cases, self._roads, [Pass(load_case, self._bump)], points)
         road = batch.road if only_axle is None else _only(batch.road, only_axle)
         laws = law_inputs(vehicle, self._truth.parameters, batch, [load_case])
-        speed, start = (jnp.full((1, 1), v) for v in (speed_m_s, start_s))
-        shown = self._simulate(batch.matrices, laws, road, batch.axle_x, speed, start)
+        motion = Motion(*(np.full((1, 1), v) for v in (speed_m_s, start_s)))
+        wheels = wheel_road(batch.matrices, road, batch.axle_x, motion, self._timing)
+        suspension, tire = axle_laws(laws, jnp.log(self._x)[:, None])
+        more = (self._timing, self._layout, self._recursion)
+        shown = wheels.engine.sensors(batch.matrices, suspension, tire, wheels, *more)
         return np.asarray(shown)[:, 0, :, 0]
 
 
