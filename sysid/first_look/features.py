@@ -101,7 +101,7 @@ def _look(raw: RawChannel, channel: Channel, start_s: float | None) -> Look:
     # The first axle moves before most columns do: its rest ends with its own first motion.
     channel_s = defects.motion_start(defects.motion_starts([channel]))
     starts = [s for s in (channel_s, start_s) if s is not None]
-    rest, noise = defects.rest_of(channel, min(starts, default=None))
+    rest, noise = defects.rest_of(defects.quiet_readings(channel, min(starts, default=None)))
     if rest is None or noise is None:
         rest, noise = float(np.median(value)), float(np.std(np.diff(value, 2)) / np.sqrt(6.0))
     size = float(np.max(np.abs(value - rest)))

@@ -14,13 +14,15 @@ from scipy.signal import butter, sosfiltfilt
 from sysid.campaign import Campaign, Channel, Log, check_quality, quality_table, read_campaign
 from sysid.campaign.clipping import clip_levels
 from sysid.campaign.quality.check import noise_peak
-from sysid.campaign.quality.defects import dead_spans, spikes
+from sysid.campaign.quality.defects import dead_spans, quiet_readings, responds, spikes
+from sysid.campaign.records import Sensor
 from sysid.wording import say_once
 
 RUN = "bump_runs/case1_unloaded_16kmh_run1.csv"
 SLOW_LOADED_RUN = "bump_runs/case4_loaded_8kmh_run1.csv"
 FAST_RUN = "bump_runs/case3_unloaded_32kmh_run2.csv"
 DROP = "plank_drops/axle3_drop2.csv"
+NOISE_ONLY = "the reading shows noise only, no response to the test."
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +74,10 @@ def edited(column: str, edit: Callable[[np.ndarray], None]) -> Callable[[Channel
         return replace(channel, value=value)
 
     return change
+
+
+def without(channels: tuple[Channel, ...], columns: set[str]) -> tuple[Channel, ...]:
+    return tuple(c for c in channels if c.sensor.column not in columns)
 
 
 def finding(report, column: str):
@@ -348,7 +354,7 @@ def test_noise_is_no_response_however_long_the_record(campaign):
     long = only(campaign, RUN, longer)
     runs = tuple(replace(r, log=replace(r.log, sample_interval_s=6.9 / 120_000)) for r in long.bump_runs)
     _, report = check_quality(replace(long, bump_runs=runs))
-    assert rejected(report)[LVDT] == "the reading shows noise only, no response to the test."
+    assert rejected(report)[LVDT] == NOISE_ONLY
 
 
 def test_spikes_become_missing(campaign):
@@ -376,7 +382,41 @@ def test_noise_only_is_rejected(campaign):
         value[:] = np.round(noise[: value.size], 5)
 
     _, report = check_quality(only(campaign, RUN, edited("lvdt3_mm", deafen)))
-    assert rejected(report) == {"lvdt3_mm": "the reading shows noise only, no response to the test."}
+    assert rejected(report) == {"lvdt3_mm": NOISE_ONLY}
+
+
+@pytest.mark.parametrize(("height_m_s2", "told"), [(0.7, {}), (0.0, {"frame4_accel_g": NOISE_ONLY})])
+def test_slow_motion_below_its_noise_is_a_response(campaign, height_m_s2, told):
+    """Half a cosine of 1 s in noise of 0.3 m/s2, which no reading leaves; without it, noise is noise."""
+
+    def slow(channel: Channel) -> Channel:
+        time = channel.time_s
+        noise = 0.3 * np.sqrt(3.0) * np.random.default_rng(11).uniform(-1.0, 1.0, time.size)
+        motion = np.where(np.abs(time - 3.0) < 0.5, np.cos(np.pi * (time - 3.0)), 0.0)
+        value = noise + height_m_s2 * motion
+        assert np.abs(value).max() < 0.3 * noise_peak(time.size)
+        return replace(channel, value=value)
+
+    # The other sensors of its axle would say that it is another motion.
+    beside = {"axle4_accel_g", "lvdt4_mm"}
+    changed = only(campaign, RUN, lambda c: slow(c) if c.sensor.column == "frame4_accel_g" else c)
+    runs = [replace(r, log=replace(r.log, channels=without(r.log.channels, beside))) for r in changed.bump_runs]
+    _, report = check_quality(replace(changed, bump_runs=tuple(runs)))
+    assert rejected(report) == told
+
+
+@pytest.mark.parametrize(("height_m_s2", "share"), [(0.0, 0.0), (0.8, 1.0)])
+def test_averages_respond_to_slow_motion_and_not_to_noise(height_m_s2, share):
+    """Of 200 records of normal noise of 0.3 m/s2, some of which their largest reading tells nothing of."""
+    time = np.arange(1600) / 200.0
+    motion = np.where(np.abs(time - 3.0) < 0.5, np.cos(np.pi * (time - 3.0)), 0.0)
+    responses = []
+    for seed in range(200):
+        value = 0.3 * np.random.default_rng(seed).standard_normal(time.size) + height_m_s2 * motion
+        sensor = Sensor("axle1_accel_g", "axle_acceleration", "g", axle=0)
+        channel = Channel(sensor, time, value, np.zeros(time.size, np.int8))
+        responses.append(responds(channel, quiet_readings(channel, 1.2), noise_peak(2 * time.size)))
+    assert np.mean(responses) == pytest.approx(share, abs=0.02)
 
 
 def test_short_and_slow_logs_are_left_out(campaign):

@@ -192,6 +192,6 @@ def test_a_module_that_begins_late_is_read_at_rest_before_its_own_motion(late_s:
     channel = Channel(Sensor("a_g", "axle_acceleration", "g", axle=0), time, value, np.zeros(time.size, np.int8))
     (start,) = defects.motion_starts([channel])
     assert start == pytest.approx(0.705, abs=0.01)
-    level, noise = defects.rest_of(channel, 1.0, start)
+    level, noise = defects.rest_of(defects.quiet_readings(channel, 1.0, start))
     assert level == pytest.approx(0.1, abs=0.005)
     assert noise == pytest.approx(0.01, rel=0.4)

@@ -315,11 +315,12 @@ def _judge_together(
         messages.append(f"{log.file}: the truck moves from the first sample on, so the level at rest cannot be read.")
     rests = {}
     for item, channel_start in zip(alive, starts, strict=True):
-        item.rest_level, item.noise = defects.rest_of(item.channel, start, channel_start)
+        quiet = defects.quiet_readings(item.channel, start, channel_start)
+        item.rest_level, item.noise = defects.rest_of(quiet)
         rests[item.channel.sensor.column] = (
             float(np.nanmedian(item.channel.value)) if item.rest_level is None else item.rest_level
         )
-        _judge_noise(item, start)
+        _judge_noise(item, quiet, start)
     alive = [item for item in alive if not item.rejected]
     for item in alive:
         # A plank compresses the suspension until the wheels fall off it.
@@ -340,7 +341,7 @@ def _judge_together(
             _add_suspicion(item, suspicion)
 
 
-def _judge_noise(item: _ChannelCheck, start_s: float | None) -> None:
+def _judge_noise(item: _ChannelCheck, quiet: np.ndarray, start_s: float | None) -> None:
     if item.rest_level is None or item.noise is None:
         return
     # What the truck did meanwhile, the channel may have missed.
@@ -348,7 +349,9 @@ def _judge_noise(item: _ChannelCheck, start_s: float | None) -> None:
         return
     departures = np.abs(item.channel.value - item.rest_level)
     peak = float(np.nanmax(departures))
-    if peak < item.noise * noise_peak(int(np.isfinite(departures).sum())):
+    # Readings and averages of them: twice as many chances for noise.
+    largest = noise_peak(2 * int(np.isfinite(departures).sum()))
+    if peak < item.noise * largest and not defects.responds(item.channel, quiet, largest):
         item.messages.append("the reading shows noise only, no response to the test.")
         item.rejected = True
     elif item.noise > NOISY * peak:

@@ -24,6 +24,8 @@ MOVING_SHARE = 0.08  # of the largest departure: smooth motion of that size at t
 OTHERS_MOVE = 0.02
 BESIDE_S = 0.3  # beside a span at an end of the record, where a channel is seen to be alive
 QUIET_S = 0.2  # shortest quiet start from which a rest level is read
+_FEWEST = 10  # readings of a quiet start
+AVERAGED_S = 0.1  # half a period of the motion of bodies, and of what a wheel meets on a bump at walking pace
 
 
 @dataclass(frozen=True)
@@ -251,19 +253,49 @@ def motion_start(starts: Sequence[float | None]) -> float | None:
     return start if start >= QUIET_S else None
 
 
-def rest_of(
-    channel: Channel, start_s: float | None, channel_s: float | None = None
-) -> tuple[float | None, float | None]:
-    """Mean and standard deviation of the quiet start, which ends 0.05 s before the motion begins.
+def quiet_readings(channel: Channel, start_s: float | None, channel_s: float | None = None) -> np.ndarray:
+    """Readings (n,) of the quiet start, which ends 0.05 s before the motion begins; none where there are hardly any.
 
     The motion begins at `start_s` for the truck. It begins at `channel_s` for this channel, if that is earlier and
     leaves enough of the quiet start: where only axles have sensors, the first axle moves before the second one shows
     that the truck moves.
     """
     if start_s is None:
-        return None, None
+        return channel.value[:0]
     end = start_s if channel_s is None or channel_s < QUIET_S else min(start_s, channel_s)
     quiet = channel.value[(channel.time_s < end - 0.05) & np.isfinite(channel.value)]
-    if quiet.size < 10:
-        return None, None
-    return float(np.mean(quiet)), float(np.std(quiet, ddof=1))
+    return np.asarray(quiet if quiet.size >= _FEWEST else quiet[:0])
+
+
+def rest_of(quiet: np.ndarray) -> tuple[float | None, float | None]:
+    """Mean and standard deviation of the readings of the quiet start, None where there are none."""
+    return (float(np.mean(quiet)), float(np.std(quiet, ddof=1))) if quiet.size else (None, None)
+
+
+def responds(channel: Channel, quiet: np.ndarray, peak: float) -> bool:
+    """Whether averages over :data:`AVERAGED_S` depart from the level at rest by more than noise makes them.
+
+    Over a long, low bump an axle accelerates by less than the noise of its sensor, but for longer.
+
+    Parameters
+    ----------
+    channel
+        All readings.
+    quiet
+        Those at rest.
+    peak
+        Largest departure that counts as noise, in standard deviations.
+    """
+    good = np.isfinite(channel.value)
+    step = float(np.median(np.diff(channel.time_s[good])))
+    count = max(1, round(AVERAGED_S / step))
+    if quiet.size < 2 * count:
+        return False
+
+    def averages(readings: np.ndarray) -> np.ndarray:
+        total = np.concatenate([[0.0], np.cumsum(readings - quiet.mean())])
+        return np.asarray((total[count:] - total[:-count]) / count)
+
+    # Averages of white noise scatter least; slow noise shows in those at rest.
+    scatter = max(float(np.std(quiet, ddof=1)) / np.sqrt(count), float(np.std(averages(quiet), ddof=1)))
+    return bool(np.abs(averages(channel.value[good])).max() > peak * scatter)
