@@ -76,7 +76,9 @@ def _click_option(option: Option) -> Callable[..., Any]:
     if option.choices:
         kind = click.Choice(list(option.choices))
     elif option.limits is not None:
-        kind = click.FloatRange(*option.limits, min_open=option.above)
+        low, high = option.limits
+        number = option.kind is int
+        kind = click.IntRange(int(low), int(high)) if number else click.FloatRange(low, high, min_open=option.above)
     if option.kind is bool:
         return click.option(option.flag, option.name, is_flag=True, help=option.help)
     return click.option(

@@ -90,7 +90,9 @@ def requested_passes(campaign: Campaign | _Names, options: Mapping[str, Any]) ->
 
 
 def _bridge(campaign: Campaign | _Names, options: Mapping[str, Any]) -> BridgeCourse:
-    """The bridge of --bridge with the surface that --road names, or its own."""
+    """The bridge of --bridge with the surface that --road names, or its own as often as --realisations says."""
+    from dataclasses import replace
+
     from sysid.campaign.bridges import BridgeCourse, Surface
     from sysid.campaign.inputs.bridges import bridge_from_file
     from sysid.campaign.roads import ROAD_CLASSES, RoadCourse
@@ -117,7 +119,9 @@ def _bridge(campaign: Campaign | _Names, options: Mapping[str, Any]) -> BridgeCo
             )
         surface = Surface(RoadCourse(0.0, roughness, options.get("seed") or 0, realisations or 1), 0.0)
     elif realisations is not None:
-        raise CampaignError("--realisations is how many surfaces of a class are driven; add --road, for example B.")
+        if surface is None or surface.course.roughness is None:
+            raise CampaignError("--realisations is how many surfaces of a class are driven; add --road, for example B.")
+        surface = replace(surface, course=replace(surface.course, realisations=realisations))
     vehicles, gap = options.get("vehicles"), options.get("gap")
     if gap is not None and vehicles is None:
         raise CampaignError("--gap lies between vehicles; add --vehicles, for example 2.")

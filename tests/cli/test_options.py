@@ -20,6 +20,7 @@ from sysid.planning.ranking import CANDIDATE_KM_H
 from sysid.posterior.options import SamplingOptions
 from sysid.road.contact_laws import CONTACT_LAWS, ContactLaw
 from sysid.workflow import Calibration, make_settings
+from sysid.workflow.stages import RECORDS
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -78,6 +79,24 @@ def test_defaults_in_the_help_are_those_of_the_settings(stage: str, option: str,
     (found,) = [p for p in cli.commands[stage].params if option in p.opts]
     assert isinstance(found, click.Option)
     assert f"(default: {default})" in str(found.help)
+
+
+def test_numbers_arrive_in_the_kind_that_the_record_says() -> None:
+    """A count stays a whole number, at both ends of its limits too, and 2.5 of them are refused."""
+    counts = 0
+    for stage in RECORDS:
+        for option in stage.command.options if stage.command else ():
+            if option.limits is None:
+                continue
+            (typed,) = (p for p in cli.commands[stage.name].params if p.name == option.name)
+            for number in map(option.kind, option.limits):
+                if not (option.above and number == option.limits[0]):
+                    assert type(typed.type.convert(str(number), typed, None)) is option.kind, option.flag
+            if option.kind is int:
+                counts += 1
+                with pytest.raises(click.BadParameter):
+                    typed.type.convert("2.5", typed, None)
+    assert counts >= 2
 
 
 def test_the_choices_of_contact_laws_are_the_laws_that_there_are() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -201,6 +202,7 @@ def test_a_bridge_from_a_file_with_its_own_or_another_surface(tmp_path):
     (found, _) = requested_passes(CAMPAIGN, {**options, "road": "c", "seed": 5, "realisations": 2, "vehicles": 3})
     assert found.bump == "bridge river, class C, seed 5 to 6, 3 vehicles 10 m apart"
     assert found.over_bump is False
+    assert requested_passes(CAMPAIGN, {**options, "realisations": 5})[0].bump == "bridge river, class A, seed 2 to 6"
     assert own[0].bridge is not None
     named = replace(CAMPAIGN, bridges={"a1": own[0].bridge.bridge})
     assert requested_passes(named, {**options, "bridge": "a1"})[0].bridge.bridge is own[0].bridge.bridge
@@ -213,12 +215,15 @@ def test_a_bridge_from_a_file_with_its_own_or_another_surface(tmp_path):
         ({"bridge": "b2"}, "neither a bridge of the campaign nor a file"),
         ({"height": 0.1}, "--bridge and --height are both given"),
         ({"road": "road.csv"}, "a measured surface stands in the bridge's table"),
-        ({"realisations": 3}, "add --road"),
+        ({"bridge": "level.toml", "realisations": 3}, "add --road"),
         ({"gap": 5.0}, "add --vehicles"),
         ({"bridge": None, "vehicles": 2}, "add --bridge"),
     ],
 )
-def test_what_is_said_about_incomplete_bridges(tmp_path, options, said):
+def test_what_is_said_about_incomplete_bridges(tmp_path, monkeypatch, options, said):
+    monkeypatch.chdir(tmp_path)
     whole = {"speeds": (36.0,), "bridge": _river(tmp_path), **options}
+    text = Path(_river(tmp_path)).read_text()
+    Path("level.toml").write_text("".join(line for line in text.splitlines(True) if "surface" not in line))
     with pytest.raises(CampaignError, match=said):
         requested_passes(CAMPAIGN, whole)
