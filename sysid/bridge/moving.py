@@ -43,26 +43,24 @@ class Crossing(NamedTuple):
 
 @dataclass(frozen=True)
 class DeckMotion:
-    """Answer of the modes to moving forces: weights of a step for the forces at its ends, and the shapes under axles.
+    """Answer of the modes to moving forces: weights of forces at successive samples, and the shapes under axles.
 
-    `first`, `last` (T - 1, 2 n, na): real parts, then imaginary ones; `decay` (n,) complex; `shape` (T, na, n).
+    `weight` (T - 1, n, 3 na) of the forces at the start of the step before, at the start and at the end of a step, and
+    `decay` (n,) of a step, complex; `shape` (T, na, n).
     """
 
     modes: BridgeModes
-    first: np.ndarray
-    last: np.ndarray
+    weight: np.ndarray
     decay: np.ndarray
     shape: np.ndarray
 
     def amplitudes(self, force_N: SamplesByAxlesBySets) -> np.ndarray:
         """Amplitudes q (T, n, S) [m] under forces (T, na, S) [N], from rest."""
-        count = self.decay.size
-        push = np.matmul(self.first, force_N[:-1]) + np.matmul(self.last, force_N[1:])
-        damped = self.modes.angular_frequency * np.sqrt(1.0 - self.modes.damping_ratio**2)
-        found = np.zeros((len(force_N), count, force_N.shape[2]))
-        for n in range(count):
-            step = push[:, n] + 1j * push[:, count + n]
-            found[1:, n] = lfilter([1.0], [1.0, -self.decay[n]], step, axis=0).imag / damped[n]
+        before = np.concatenate([np.zeros_like(force_N[:1]), force_N[:-2]])
+        push = np.matmul(self.weight, np.concatenate([before, force_N[:-1], force_N[1:]], axis=1))
+        found = np.zeros((len(force_N), self.decay.size, force_N.shape[2]))
+        for n, decay in enumerate(self.decay):
+            found[1:, n] = lfilter([1.0], [1.0, -2.0 * decay.real, abs(decay) ** 2], push[:, n], axis=0)
         return found
 
     def under_axles(self, amplitude_m: np.ndarray) -> SamplesByAxlesBySets:
@@ -73,7 +71,10 @@ class DeckMotion:
 def deck_motion(modes: BridgeModes, crossing: Crossing) -> DeckMotion:
     """The modes' answer to axles that move as in a crossing.
 
-    With lambda = -z w + i w_d, the amplitude is the imaginary part of y / w_d, where y' = lambda y + p / M.
+    With lambda = -z w + i w_d, the amplitude is the imaginary part of y / w_d, where y' = lambda y + p / M.  Steps of y
+    are y_k = d y_(k-1) + s_k, so that
+
+        q_k = 2 Re(d) q_(k-1) - |d|^2 q_(k-2) + Im(s_k - d* s_(k-1)) / w_d.
     """
     place, h = crossing
     omega, ratio = modes.angular_frequency, modes.damping_ratio
@@ -86,10 +87,12 @@ def deck_motion(modes: BridgeModes, crossing: Crossing) -> DeckMotion:
         first += (1.0 - share) * answer
         last += share * answer
 
-    def rows(weights: np.ndarray) -> np.ndarray:
-        return np.ascontiguousarray(np.moveaxis(np.concatenate([weights.real, weights.imag], axis=2), 1, 2))
-
-    return DeckMotion(modes, rows(first), rows(last), np.exp(exponent * h), modes.shape.at(place))
+    decay = np.exp(exponent * h)
+    none = np.zeros_like(first[:1])
+    # What a step takes over from the one before, with the forces at both ends of that.
+    from_first, from_last = (np.concatenate([none, -decay.conj() * of[:-1]]) for of in (first, last))
+    weight = np.concatenate([from_first, from_last + first, last], axis=1).imag / exponent.imag
+    return DeckMotion(modes, np.ascontiguousarray(np.moveaxis(weight, 1, 2)), decay, modes.shape.at(place))
 
 
 class Coupled(NamedTuple):
@@ -105,7 +108,10 @@ class Coupled(NamedTuple):
 
 
 def coupled(
-    motion: DeckMotion, forces: Callable[[SamplesByAxlesBySets], SamplesByAxlesBySets], static_N: float
+    motion: DeckMotion,
+    forces: Callable[[SamplesByAxlesBySets], SamplesByAxlesBySets],
+    static_N: float,
+    change_N: SamplesByAxlesBySets | None = None,
 ) -> Coupled:
     """Vehicle and bridge as one system: forces and deck motion are computed in turn until neither changes.
 
@@ -118,6 +124,8 @@ def coupled(
     ----------
     forces : axle loads (T, na, S) [N] for a deflection of the road under every axle (T, na, S) [m], positive downward.
     static_N : mean static axle load [N], for the tolerance.
+    change_N : what the moving deck adds to the axle loads of a similar vehicle (T, na, 1) [N]; with it there is less to
+        iterate, and the solution is the same.
 
     Raises
     ------
@@ -125,7 +133,8 @@ def coupled(
         If forces still change after :data:`MOST_ROUNDS` rounds.
     """
     shape = motion.shape.shape[:2]
-    force = rolling = forces(np.zeros((*shape, 1)))
+    rolling = forces(np.zeros((*shape, 1)))
+    force = rolling if change_N is None else rolling + change_N
     for number in range(1, MOST_ROUNDS + 1):
         amplitude = motion.amplitudes(force)
         new = forces(motion.under_axles(amplitude))

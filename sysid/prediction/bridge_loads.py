@@ -75,13 +75,17 @@ class _Ground:
 
 @dataclass(frozen=True)
 class _Found:
-    """Some draws over one surface: load effects, axle loads of the first vehicle (T, na, t), their extremes (na, t)."""
+    """Some draws over one surface: load effects, axle loads of the first vehicle (T, na, t), their extremes (na, t).
+
+    `change_N` (T', na', 1) is what the deck's motion adds to the axle loads of all vehicles, mean over the draws.
+    """
 
     effects: EffectExtremes
     tire_N: np.ndarray
     static_N: np.ndarray
     most: dict[str, np.ndarray]
     rounds: int
+    change_N: np.ndarray
 
 
 class BridgeVehicles:
@@ -144,17 +148,21 @@ def predict_bridge(
     motion = None if modes is None else deck_motion(modes, crossing)
     static, groups = vehicles.of(request.load_case)
     grounds = _grounds(state, request, course, bridge.length_m + float(all_x.max()))
-    pairs = [(ground, group) for ground in grounds for group in groups]
 
-    def cross(pair: tuple[_Ground, VehicleGroup]) -> _Found:
+    def cross(pair: tuple[_Ground, VehicleGroup], change_N: np.ndarray | None = None) -> _Found:
         ground, group = pair
         progress(course.label, 0.0)
-        return _crossed(state, request, ground, group, crossing, times, motion, x, behind)
+        return _crossed(state, request, ground, group, crossing, times, motion, x, behind, change_N)
 
     for group in groups:
         # Before several threads ask for it at once.
         _ = group.static_N
-    found = side_by_side(cross, pairs)
+    # All draws move the deck much alike: the first ones of a surface show the others where to begin.
+    ahead = side_by_side(cross, [(ground, groups[0]) for ground in grounds])
+    rest = [(k, group) for k in range(len(grounds)) for group in groups[1:]]
+    behind_them = side_by_side(lambda pair: cross((grounds[pair[0]], pair[1]), ahead[pair[0]].change_N), rest)
+    others = len(groups) - 1
+    found = [f for k, one in enumerate(ahead) for f in (one, *behind_them[others * k : others * (k + 1)])]
     first = found[: len(groups)]
     measured = _largest(found, len(groups))
     misfit = max(g.misfit for g in grounds)
@@ -194,8 +202,10 @@ def _grounds(state: FitState, request: PredictionRequest, course: BridgeCourse, 
     if surface is None:
         lead = int(np.ceil(_LEVEL_M / speed / INTERVAL_S))
         station = GENTLE_STEP_M * np.arange(-int(np.ceil(2 * _LEVEL_M / GENTLE_STEP_M)), int(end_m / GENTLE_STEP_M))
-        axles = len(state.campaign.vehicle.axles)
-        return [_Ground(effective_road(station, np.zeros((1, axles, station.size))), lead, _GENTLE_STEPS, 0.0)]
+        rise, stretch, drag = (
+            np.zeros((*rows, 1, len(state.campaign.vehicle.axles), station.size)) for rows in ((), (4,), (3,))
+        )
+        return [_Ground(effective_road(station, rise, stretch, drag), lead, _GENTLE_STEPS, 0.0)]
     grounds = []
     for k in range(surface.course.realisations):
         station, height, at = _heights(surface, k, end_m)
@@ -233,12 +243,16 @@ def _crossed(
     motion: DeckMotion | None,
     axle_x: np.ndarray,
     behind_m: float,
+    change_N: np.ndarray | None,
 ) -> _Found:
-    """Some draws over one surface, vehicle and bridge as one system where the bridge has modes."""
+    """Some draws over one surface, vehicle and bridge as one system where the bridge has modes.
+
+    `change_N` is what the deck's motion added to the axle loads of other draws.
+    """
     count, axles, speed = len(group.sets), axle_x.size, request.speed_m_s
     samples, vehicles = len(crossing.place_m), crossing.place_m.shape[1] // axles
     timing = Timing(ground.lead + samples, INTERVAL_S, ground.substeps)
-    base = ground.road.of_runs([0] * count)
+    base = ground.road.for_all(count)
     last: dict[int, Driven] = {}
 
     def forces(deck_m: np.ndarray) -> np.ndarray:
@@ -256,9 +270,11 @@ def _crossed(
         rolling = forces(np.zeros((samples, axles * vehicles, 1)))
         force, amplitude, rounds = rolling, None, 1
     else:
-        force, amplitude, rolling, rounds = coupled(motion, forces, float(static.mean()))
+        force, amplitude, rolling, rounds = coupled(motion, forces, float(static.mean()), change_N)
     one = last[0]
     check_finite(request, state.parameters, group.sets.T, group.static_N[:, 0], one.tire_N, one.suspension_N)
+
+    change = (force - rolling).mean(axis=2, keepdims=True)
 
     def erring(tire_N: np.ndarray) -> np.ndarray:
         each = (group.erring(tire_N[:, k : k + axles]) for k in range(0, axles * vehicles, axles))
@@ -271,7 +287,7 @@ def _crossed(
         amplitude = amplitude if group.contact_error is None else motion.amplitudes(force)
         dynamic = dynamic_effects(times, motion, force, amplitude)
     lead = ground.lead
-    most = extremes(one.sunk_m[lead:], one.extension_m[lead:], force[:, :axles], INTERVAL_S)
+    most = extremes(group.sunk_m(one.tire_N[lead:]), one.extension_m[lead:], force[:, :axles], INTERVAL_S)
     effects = {"static": static_effects(times, static), "rolling": static_effects(times, erring(rolling))}
     effects["dynamic"] = dynamic
     front = times.between(crossing.place_m[:, 0])
@@ -282,6 +298,7 @@ def _crossed(
         group.static_N,
         most | {"most": force[:, :axles].max(axis=0), "least": force[:, :axles].min(axis=0)},
         rounds,
+        change,
     )
 
 

@@ -202,7 +202,7 @@ def _driven_over(
         tire = group.erring(part.tire_N)
         forces[begin : begin + len(tire)] = tire[: samples - begin]
         suspension[begin : begin + len(tire)] = part.suspension_N[: samples - begin, :, : suspension.shape[2]]
-        return extremes(part.sunk_m, part.extension_m, tire, clock.interval_s)
+        return extremes(group.sunk_m(part.tire_N), part.extension_m, tire, clock.interval_s)
 
     found = _over_stretches(state, request, group, road, samples, clock, kept)
     together = {name: np.stack([f[name] for f in found]) for name in found[0]}
@@ -232,7 +232,7 @@ def _over_stretches(
         begin = number * each
         start_s = (begin - run_up) * interval
         one = road.stretch_of(speed * start_s, speed * GROWTH_S, speed * (begin + each) * interval + 1.0)
-        found = group.driven(one.of_runs([0] * static.shape[1]), x, speed, -start_s, timing)
+        found = group.driven(one.for_all(static.shape[1]), x, speed, -start_s, timing)
         check_finite(request, state.parameters, group.sets.T, static[:, 0], found.tire_N, found.suspension_N)
         return kept(begin, found.after(run_up), speed * start_s)
 

@@ -33,7 +33,7 @@ from sysid.vehicle_model.suspension import SuspensionLaw
 
 @dataclass(frozen=True)
 class Driven:
-    """Histories (T, na, t) of t vehicles: tire and suspension forces [N], suspension and tire deflections [m].
+    """Histories (T, na, t) of t vehicles: tire and suspension forces [N], suspension deflections [m].
 
     `body` (T, nb, t) coordinates of the bodies.
     """
@@ -41,7 +41,6 @@ class Driven:
     tire_N: np.ndarray
     suspension_N: np.ndarray
     extension_m: np.ndarray
-    sunk_m: np.ndarray
     body: np.ndarray
 
     def after(self, samples: int) -> Driven:
@@ -77,9 +76,13 @@ class VehicleGroup:
         motion = Motion(np.full((count, 1), speed_m_s), np.full((count, 1), start_s))
         wheels = wheel_road(matrices, road, axle_x[:, None], motion, timing)
         found = wheels.engine.histories(matrices, suspension, tire, wheels, timing)
-        sunk = spring_deflection(tire, found.tire_force)
-        parts = (found.tire_force, found.suspension_force, found.deflection, sunk, found.body)
+        parts = (found.tire_force, found.suspension_force, found.deflection, found.body)
         return Driven(*(np.moveaxis(np.asarray(part)[:, :, :, 0], 1, 2) for part in parts))
+
+    def sunk_m(self, tire_N: np.ndarray) -> np.ndarray:
+        """Deflections (T, na, t) [m] of the tires whose springs carry these forces (T, na, t)."""
+        sunk = spring_deflection(self.made[2], np.moveaxis(tire_N, 1, 2)[..., None])
+        return np.moveaxis(np.asarray(sunk)[..., 0], 1, 2)
 
     def wheels(self, driven: Driven, place_m: np.ndarray) -> WheelPaths:
         """Where the wheels' centres were in histories of the vehicles; `place_m` (T, na) of axles at even speed [m]."""

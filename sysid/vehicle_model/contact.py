@@ -213,7 +213,8 @@ def _odd_power(x: jax.Array, exponent: jax.Array) -> jax.Array:
 class EffectiveRoad(NamedTuple):
     """Quintic B-spline coefficients on uniform stations of the effective profiles and footprint maps.
 
-    `rise` (R, na, n); `stretch` (4, R, na, n), `drag` (3, R, na, n), None for a point follower.
+    `rise` (R, na, n); `stretch` (4, R, na, n), `drag` (3, R, na, n), None for a point follower.  One map (4, 1, na, n),
+    (3, 1, na, n) serves all runs.
     """
 
     rise: np.ndarray
@@ -232,6 +233,10 @@ class EffectiveRoad(NamedTuple):
         """The roads of the named runs, in this order; one may be named several times."""
         stretch, drag = (None if table is None else table[:, runs] for table in (self.stretch, self.drag))
         return self._replace(rise=self.rise[runs], stretch=stretch, drag=drag)
+
+    def for_all(self, count: int) -> EffectiveRoad:
+        """The one road as that of so many runs, which share its footprint map."""
+        return self._replace(rise=np.repeat(self.rise, count, axis=0))
 
 
 def spline_coefficients(values: np.ndarray) -> np.ndarray:

@@ -350,6 +350,30 @@ def test_runs_with_one_set_each_share_packs(monkeypatch, made):
 
 
 @needs_native
+@pytest.mark.parametrize("rows", [(0.2, 0.9, -7.0, 0.004, -0.03, 0.2, 1.0), (0.0, 0.0, 0.0, 0.0, -0.03, 0.0, 0.0)])
+def test_runs_over_one_road_share_its_footprint_map(both, rows):
+    """Eleven vehicles at one speed over bumps of other heights, with one map of all rows or of a drag alone."""
+    case = as_runs(truck(footprint=True), range(SETS))
+    case.motion = Motion(*(np.full_like(x, x[0, 0]) for x in case.motion[:3]))
+    case.road = case.road._replace(
+        rise=case.road.rise * np.linspace(0.2, 1.0, 2 * SETS)[:, None, None],
+        stretch=np.stack([row / 0.2 * case.road.stretch[0, :1] for row in rows[:4]]),
+        drag=np.stack([row / -0.03 * case.road.drag[0, :1] for row in rows[4:]]),
+    )
+    ours, theirs = both(case.histories)
+    for mine, other in zip(ours, theirs, strict=True):
+        assert (np.abs(mine - other)).max() < 1e-11 * np.abs(other).max()
+    apart = copy(case)
+    every = {name: np.repeat(getattr(case.road, name), 2 * SETS, axis=1) for name in ("stretch", "drag")}
+    apart.road = case.road._replace(**every)
+    mine, _ = both(apart.histories)
+    assert np.abs(mine.tire_force - ours.tire_force).max() < 1e-11 * np.abs(ours.tire_force).max()
+    apart.road = apart.road._replace(drag=1.001 * apart.road.drag)
+    mine, _ = both(apart.histories)
+    assert np.abs(mine.tire_force - ours.tire_force).max() > 1e-11 * np.abs(ours.tire_force).max()
+
+
+@needs_native
 def test_a_set_that_is_not_finite_spoils_no_other(monkeypatch):
     monkeypatch.setenv("SYSID_ENGINE", "native")
     case = truck(footprint=True)

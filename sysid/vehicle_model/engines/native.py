@@ -150,6 +150,7 @@ def _call(
     rows, runs, axles, sets = arrays["laws"].shape
     sizes = {
         "R": runs,
+        "M": runs if arrays["stretch"].ndim == 1 or arrays["stretch"].shape[1] == runs else 1,
         "S": sets,
         "T": timing.samples,
         "C": observed(layout, matrices),

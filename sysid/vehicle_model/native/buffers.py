@@ -4,8 +4,8 @@ The C++ side is compiled with a header made from this description (:mod:`sysid.v
 side checks every call against it.
 
 Symbols of shapes: R runs, S parameter sets, T samples, C channels, na axles, nb body coordinates, nr body sensors, nv
-sensors of pitch rate, n stations of the road, nf bending frames, L rows of the laws, J ramps, P unknowns, K columns,
-`poles` of the filter. All arrays hold 64-bit floats.
+sensors of pitch rate, n stations of the road, M footprint maps (R, or 1 for all runs), nf bending frames, L rows of the
+laws, J ramps, P unknowns, K columns, `poles` of the filter. All arrays hold 64-bit floats.
 """
 
 from __future__ import annotations
@@ -90,8 +90,8 @@ BLOCKS: dict[str, tuple[Buffer, ...]] = {
         Buffer("body_rows", ("R", "nr", "nb"), "of StackedMatrices"),
         Buffer("rate_rows", ("R", "nv", "nb"), "of StackedMatrices, empty without sensors of pitch rate", True),
         Buffer("rise", ("R", "na", "n"), "of EffectiveRoad"),
-        Buffer("stretch", (STRETCH_ROWS, "R", "na", "n"), "of EffectiveRoad, empty for a point follower", True),
-        Buffer("drag", (DRAG_ROWS, "R", "na", "n"), "of EffectiveRoad, empty for a point follower", True),
+        Buffer("stretch", (STRETCH_ROWS, "M", "na", "n"), "of EffectiveRoad, empty for a point follower", True),
+        Buffer("drag", (DRAG_ROWS, "M", "na", "n"), "of EffectiveRoad, empty for a point follower", True),
         Buffer("grid", (2,), "first station and step [m]"),
         Buffer("polynomial", (CELL_POWERS, CELL_POWERS), "CELL_POLYNOMIAL"),
         Buffer("axle_x", ("na", 1), "[m]"),

@@ -281,10 +281,14 @@ class Inputs {
                     matrix(kFramePush, coordinates * frames)};
     run.elements = elements;
     const bool footprint = arrays_[kStretch].count() > 0;
-    for (const int64_t r : of)
-      run.road.push_back({data(kRise) + r * each, footprint ? data(kStretch) + r * each : nullptr,
-                          footprint ? data(kDrag) + r * each : nullptr, stations, runs * each, runs * each,
+    // One footprint map may serve all runs.
+    const int64_t maps = footprint ? shape(kStretch)[1] : 1;
+    for (const int64_t r : of) {
+      const int64_t own = maps == 1 ? 0 : r * each;
+      run.road.push_back({data(kRise) + r * each, footprint ? data(kStretch) + own : nullptr,
+                          footprint ? data(kDrag) + own : nullptr, stations, maps * each, footprint && maps < runs,
                           data(kGrid)[0], data(kGrid)[1], data(kPolynomial)});
+    }
     const auto motion = [&](int number) {
       M x{};
       for (size_t k = 0; k < of.size(); ++k) set_lane(x, k, data(kMotion)[number * runs + of[k]]);

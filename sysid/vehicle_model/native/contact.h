@@ -2,6 +2,7 @@
 
 #pragma once
 
+#include <type_traits>
 #include <vector>
 
 #include "buffers.h"
@@ -22,7 +23,8 @@ struct RoadTable {
   const double* rise;
   const double* stretch;  // null: a point follower
   const double* drag;
-  int64_t stations, stretch_stride, drag_stride;
+  int64_t stations, stride;
+  bool common_map;  // several runs have this stretch and drag
   double first_station, step;
   const double* polynomial;  // (6, 6) from the coefficients around a cell to powers of the position in it
 };
@@ -32,6 +34,19 @@ struct RoadPoint {
   MapRow order[kOrders];
   bool flat = false;
 };
+
+// The first `orders` derivatives along the road, at t in a cell, of eight polynomials of the place in the cell.
+inline void derivatives(const MapRow (&term)[kCellPowers], double t, double step, int orders, MapRow* found) {
+  static constexpr double kFactor[kOrders][kCellPowers] = {
+      {1, 1, 1, 1, 1, 1}, {1, 2, 3, 4, 5, 0}, {2, 6, 12, 20, 0, 0}, {6, 24, 60, 0, 0, 0}, {24, 120, 0, 0, 0, 0}};
+  double scale = 1.0;
+  for (int order = 0; order < orders; ++order) {
+    MapRow sum = kFactor[order][5 - order] * term[5];
+    for (int power = 4; power >= order; --power) sum = sum * t + kFactor[order][power - order] * term[power];
+    found[order] = sum * scale;
+    scale /= step;
+  }
+}
 
 // Looks the road up under one wheel; remembers the cell it was in.
 class WheelRoad {
@@ -59,16 +74,7 @@ class WheelRoad {
   void look_up(double scaled, RoadPoint& point) {
     const int64_t cell = static_cast<int64_t>(scaled);
     if (cell != cell_) enter(cell);
-    const double t = scaled - static_cast<double>(cell);
-    static constexpr double kFactor[kOrders][kCellPowers] = {
-        {1, 1, 1, 1, 1, 1}, {1, 2, 3, 4, 5, 0}, {2, 6, 12, 20, 0, 0}, {6, 24, 60, 0, 0, 0}, {24, 120, 0, 0, 0, 0}};
-    double scale = 1.0;
-    for (int order = 0; order < kOrders; ++order) {
-      MapRow found = kFactor[order][5 - order] * term_[5];
-      for (int power = 4; power >= order; --power) found = found * t + kFactor[order][power - order] * term_[power];
-      point.order[order] = found * scale;
-      scale /= table_.step;
-    }
+    derivatives(term_, scaled - static_cast<double>(cell), table_.step, kOrders, point.order);
   }
 
  private:
@@ -78,8 +84,8 @@ class WheelRoad {
     w = MapRow{};
     w[0] = table_.rise[at];
     if (table_.stretch != nullptr) {
-      for (int row = 0; row < kStretchRows; ++row) w[1 + row] = table_.stretch[row * table_.stretch_stride + at];
-      for (int row = 0; row < kDragRows; ++row) w[1 + kStretchRows + row] = table_.drag[row * table_.drag_stride + at];
+      for (int row = 0; row < kStretchRows; ++row) w[1 + row] = table_.stretch[row * table_.stride + at];
+      for (int row = 0; row < kDragRows; ++row) w[1 + kStretchRows + row] = table_.drag[row * table_.stride + at];
     }
   }
 
@@ -108,11 +114,13 @@ struct Squash {
 };
 
 // Rows of the road and their derivatives as numbers of type Q (`lift` is where the undeformed wheel first touches).
+// Where only rise and beta_0 are not zero, the footprint is `even` and the other rows are not looked at.
 template <class Q>
 struct RoadRows {
   Q rise, slope, second, third;
   Q stretch[4][3];  // alpha_1, alpha_2, alpha_3, lift: value, first and second derivative
   Q drag[3][3];     // beta_0, beta_1, beta_2
+  bool even = false;
 };
 
 // The road under one wheel of several runs, flat if it is so for all of them.
@@ -153,12 +161,68 @@ inline void gather(const RoadPoint* of_lanes, PackedPoint& point) {
     return x;
   };
   RoadRows<Pack>& rows = point.rows;
+  rows.even = false;
   rows.rise = packed(0, 0), rows.slope = packed(1, 0), rows.second = packed(2, 0), rows.third = packed(3, 0);
   for (int n = 0; n < 3; ++n) {
     for (int row = 0; row < kStretchRows; ++row) rows.stretch[row][n] = packed(n, 1 + row);
     for (int row = 0; row < kDragRows; ++row) rows.drag[row][n] = packed(n, 1 + kStretchRows + row);
   }
 }
+
+// The road under one wheel of several runs with one footprint map, where all of them are at the same place: the weights
+// of the coefficients are the same for all lanes and rows.
+class CommonMap {
+ public:
+  CommonMap(const std::vector<RoadTable>& tables, int axle) : step_(tables[0].step) {
+    for (const RoadTable& table : tables) rise_.push_back(table.rise + axle * table.stations);
+    for (int power = 0; power < kCellPowers; ++power) {
+      term_[power] = MapRow{};
+      for (int k = 0; k < kCellPowers; ++k) term_[power][k] = tables[0].polynomial[kCellPowers * power + k];
+    }
+    const RoadTable& table = tables[0];
+    for (int row = 0; row < kStretchRows + kDragRows; ++row) {
+      const double* of = row < kStretchRows ? table.stretch + row * table.stride
+                                            : table.drag + (row - kStretchRows) * table.stride;
+      of += axle * table.stations;
+      for (int64_t k = 0; k < table.stations && map_[row] == nullptr; ++k)
+        if (!(std::abs(of[k]) < 1e-22)) map_[row] = of;
+      if (row != kStretchRows && map_[row] != nullptr) even_ = false;
+    }
+  }
+
+  // The road at a place in cells, within the table.
+  void look_up(double scaled, PackedPoint& point) const {
+    static_assert(kCellPowers <= kMapRows);
+    const int64_t cell = static_cast<int64_t>(scaled), from = cell - 2;
+    MapRow weight[4];
+    derivatives(term_, scaled - static_cast<double>(cell), step_, 4, weight);
+    RoadRows<Pack>& rows = point.rows;
+    Pack order[4]{};
+    for (int k = 0; k < kCellPowers; ++k) {
+      Pack coefficient;
+      for (int lane = 0; lane < kLanes; ++lane) coefficient[lane] = rise_[lane][from + k];
+      for (int n = 0; n < 4; ++n) order[n] += weight[n][k] * coefficient;
+    }
+    rows.rise = order[0], rows.slope = order[1], rows.second = order[2], rows.third = order[3];
+    rows.even = even_;
+    for (int row = 0; row < kStretchRows + kDragRows; ++row) {
+      if (even_ && row != kStretchRows) continue;
+      for (int n = 0; n < 3; ++n) {
+        double sum = 0.0;
+        if (map_[row] != nullptr)
+          for (int k = 0; k < kCellPowers; ++k) sum += weight[n][k] * map_[row][from + k];
+        (row < kStretchRows ? rows.stretch[row][n] : rows.drag[row - kStretchRows][n]) = splat(sum);
+      }
+    }
+  }
+
+ private:
+  double step_;
+  std::vector<const double*> rise_;                     // of each lane
+  const double* map_[kStretchRows + kDragRows] = {};  // null where all coefficients are zero
+  bool even_ = true;
+  MapRow term_[kCellPowers];
+};
 
 // The road under one wheel of one run, or of the runs of all lanes.
 template <class M>
@@ -172,6 +236,7 @@ class RoadUnderWheel {
       set_lane(begin_, lane, each_.back().begin);
       set_lane(end_, lane, each_.back().end);
     }
+    if (tables[0].common_map) common_.emplace_back(tables, axle);
   }
 
   // The road at a place [m]; returns where it is not flat.
@@ -181,6 +246,12 @@ class RoadUnderWheel {
     const Where<M> felt = (scaled >= begin_) & (scaled < end_);
     point.flat = !any(felt);
     if (point.flat) return felt;
+    if constexpr (std::is_same_v<M, Pack>) {
+      if (!common_.empty() && !any(opposite(felt) | (scaled != splat(scaled[0])))) {
+        common_[0].look_up(scaled[0], point);
+        return felt;
+      }
+    }
     RoadPoint of_lanes[kLanes];
     for (size_t k = 0; k < each_.size(); ++k) {
       // A lane does not depend on what the others meet.
@@ -198,6 +269,7 @@ class RoadUnderWheel {
   double first_, step_, last_;
   M begin_{}, end_{};
   std::vector<WheelRoad> each_;
+  std::vector<CommonMap> common_;  // one, where runs have one footprint map
 };
 
 // a(s + advance) and its slope there, by Taylor's theorem.
@@ -221,6 +293,7 @@ inline Squash<T> squash(const RoadRows<Q>& road, const T& u0, const T& advance, 
       advance * (road.slope + advance * (0.5 * road.second + (1.0 / 6.0) * (advance * road.third))) + road.rise;
   const T below = height - rise;
   const T below_rate = slope * speed - rise_rate;
+  if (road.even) return {u0 + below, below_rate, moved(road.drag[0], advance)};
   const T a = moved(road.stretch[0], advance), b = moved(road.stretch[1], advance), c = moved(road.stretch[2], advance);
   const T da = moved_slope(road.stretch[0], advance), db = moved_slope(road.stretch[1], advance),
           dc = moved_slope(road.stretch[2], advance);
