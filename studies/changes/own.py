@@ -44,6 +44,7 @@ def replicate(number: int, seed: int = SEED) -> Record:
     of every second pair changes, down and up in turn.
     """
     from sysid.comparison import compare
+    from sysid.errors import SysidError
     from sysid.estimation.fit.least_squares import fit_bump_runs
     from sysid.export import write_result
     from sysid.export.covariance_json import COVARIANCE_FILE, write_covariance
@@ -60,18 +61,21 @@ def replicate(number: int, seed: int = SEED) -> Record:
     factor = 1.0 + (CHANGE if number % 4 == 2 else -CHANGE) if number % 2 == 0 else 1.0
     later = np.array([f"c_{axle + 1}" == name for name in parameters.names]) * np.log(factor)
     worlds = (world, replace(world, log_parameters=world.log_parameters + later))
+    record = {"number": number, "physics": "own equations", "axle": axle + 1, "factor": factor}
     with tempfile.TemporaryDirectory() as place:
         folders = [Path(place) / name for name in ("before", "after")]
         for turn, (folder, one) in enumerate(zip(folders, worlds, strict=True)):
             readings = simulated_campaign(planned, one, profiles, instruments, random)
-            with one_blas_thread():
-                fit, _ = fit_bump_runs(readings, parameters, profiles, OPTIONS)
+            try:
+                with one_blas_thread():
+                    fit, _ = fit_bump_runs(readings, parameters, profiles, OPTIONS)
+            except SysidError as error:
+                return {**record, "failed": str(error), "entries": []}
             results = Results(campaign=planned, fit=fit, provenance={"seed": turn})
             folder.mkdir()
             write_result(results, folder / "result.json")
             write_covariance(results, folder / COVARIANCE_FILE)
         (pair,) = compare(*folders).pairs
         (apart,) = compare(*folders, cancel=False).pairs
-    record = {"number": number, "physics": "own equations", "axle": axle + 1, "factor": factor, "failed": None}
     alone = [d.log_sd for d in apart.differences if d.quantity in ("stiffness", "damping")]
-    return {**record, **differences(pair, axle + 1, factor), "log_sd_alone": alone}
+    return {**record, "failed": None, **differences(pair, axle + 1, factor), "log_sd_alone": alone}

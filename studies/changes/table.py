@@ -20,15 +20,15 @@ def holds(entry: Record) -> bool:
 def tables(records: Sequence[Record]) -> str:
     """Markdown: changes found, false alarms, intervals that hold and their widths.
 
-    Intervals are those of pairs about which `compare` decides.
+    Intervals are those of pairs about which `compare` decides.  What was not fitted was not found.
     """
     good = [r for r in records if r["failed"] is None]
     decided = [r for r in good if not r["undecided"]]
-    changed = [r for r in good if r["factor"] != 1.0]
-    same = [r for r in good if r["factor"] == 1.0]
+    changed = [r for r in records if r["factor"] != 1.0]
+    same = [r for r in records if r["factor"] == 1.0]
     found = sum(any(e["truth"] != 0.0 and e["changed"] for e in r["entries"]) for r in changed)
-    wrong = sum(any(e["truth"] == 0.0 and e["changed"] for e in r["entries"]) or bool(r["also"]) for r in changed)
-    alarms = sum(any(e["changed"] for e in r["entries"]) or bool(r["also"]) for r in same)
+    wrong = sum(any(e["truth"] == 0.0 and e["changed"] for e in r["entries"]) or bool(r.get("also")) for r in changed)
+    alarms = sum(any(e["changed"] for e in r["entries"]) or bool(r.get("also")) for r in same)
     entries = [e for r in decided for e in r["entries"]]
     lines = [
         "| pairs | one damper by 10 %: found | there something else called changed | unchanged: called changed "
