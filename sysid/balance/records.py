@@ -79,11 +79,34 @@ class AxleLoads:
 
 
 @dataclass(frozen=True)
+class DrivenRoad:
+    """Speed and road of one drive, from the delays between its axles and from what its wheels felt.
+
+    - `speed_m_s` with the ends of its 90 % interval;
+    - `density_m3`: G_d(n_0) of ISO 8608 at 0.1 cycles/m, with the ends of its 90 % interval, and `waviness` w of
+      G_d(n_0) (n / n_0)^-w; `road_class` is the nearest class;
+    - `apart`: power that differs from axle to axle over that of the road, at 4 Hz.
+    """
+
+    file: str
+    load_case: str
+    speed_m_s: float
+    speed_low: float
+    speed_high: float
+    density_m3: float
+    density_low: float
+    density_high: float
+    waviness: float
+    road_class: str
+    apart: float
+
+
+@dataclass(frozen=True)
 class ForceBalance:
     """k and c of all suspensions from the balance of forces on the bodies.
 
     `sentences` say what is missing or not determined; without `estimates` they say why. `converged` is about the
-    search, which took `rounds`. `loads` are the axle loads of road drives.
+    search, which took `rounds`. `loads`, `tires` and `roads` are of road drives.
     """
 
     estimates: tuple[BalanceEstimate, ...]
@@ -93,3 +116,5 @@ class ForceBalance:
     converged: bool
     rounds: int
     loads: tuple[AxleLoads, ...] = ()
+    tires: tuple[BalanceEstimate, ...] = ()
+    roads: tuple[DrivenRoad, ...] = ()

@@ -14,6 +14,7 @@ from sysid.balance.laws import DAMPING, FRICTION, SLIP, STIFFNESS, UNITS, Unknow
 from sysid.balance.motion import Stretch, smoothed, stretches_of, vertical_columns, with_noise_and_gains
 from sysid.balance.records import BalancedRecord, BalanceEstimate, ForceBalance, LawEstimate
 from sysid.balance.search import Found, search
+from sysid.balance.tires import tires_of
 from sysid.campaign.records import Campaign, Log
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.display import Z90
@@ -34,8 +35,8 @@ def balance_forces(campaign: Campaign) -> ForceBalance:
     For every body, mass times acceleration and inertia times angular acceleration are the sum of the forces of its
     suspensions, functions of measured deflections and their rates: :mod:`sysid.balance.equations`, solved by
     :mod:`sysid.balance.search`. Intervals hold noise and gains of sensors, tolerances of masses, heights and scales,
-    forces that no law explains, and doubts about the laws. Of road drives there are the axle loads, too
-    (:mod:`sysid.balance.axle_loads`).
+    forces that no law explains, and doubts about the laws. Of road drives there are axle loads
+    (:mod:`sysid.balance.axle_loads`), tires, speeds and roads (:mod:`sysid.balance.tires`), too.
 
     Parameters
     ----------
@@ -84,14 +85,11 @@ def balance_forces(campaign: Campaign) -> ForceBalance:
     balance = _result(campaign, blocks, unknowns, found, [p.file for _, p in records])
     driven = {drive.log.file for drive in campaign.road_drives}
     shared_gain = math.sqrt(float(np.mean(gains.covariance)))
-    loads = axle_loads(
-        [b for b in blocks if b.passage.file in driven],
-        unknowns,
-        found,
-        vehicle.tolerances.axle_load_scale,
-        shared_gain,
-    )
-    return replace(balance, loads=loads)
+    scale = vehicle.tolerances.axle_load_scale
+    of_drives = [b for b in blocks if b.passage.file in driven]
+    loads = axle_loads(of_drives, unknowns, found, scale, shared_gain)
+    tires, roads, said = tires_of(of_drives, unknowns, found, scale)
+    return replace(balance, loads=loads, tires=tires, roads=roads, sentences=(*balance.sentences, *said))
 
 
 def _refused(vehicle: Vehicle) -> str:

@@ -193,6 +193,35 @@ def _balance(results: Results) -> dict[str, Any] | None:
             for loads in balance.loads
             for i in range(len(loads.static_N))
         ],
+        "tires": [
+            {
+                "name": e.name,
+                "axle": _axle(e.axle),
+                "quantity": e.quantity,
+                "load_case": e.load_case,
+                "unit": e.unit,
+                "value": _number(e.value),
+                "q05": _number(e.low),
+                "q95": _number(e.high),
+                "determined": e.determined,
+            }
+            for e in balance.tires
+        ],
+        "roads": [
+            {
+                "file": r.file,
+                "load_case": r.load_case,
+                "speed_m_s": _number(r.speed_m_s),
+                "speed_m_s_q05": _number(r.speed_low),
+                "speed_m_s_q95": _number(r.speed_high),
+                "density_m3": _number(r.density_m3),
+                "density_m3_q05": _number(r.density_low),
+                "density_m3_q95": _number(r.density_high),
+                "waviness": _number(r.waviness),
+                "road_class": r.road_class,
+            }
+            for r in balance.roads
+        ],
         "converged": balance.converged,
         "messages": list(balance.sentences),
     }

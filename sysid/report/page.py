@@ -145,6 +145,8 @@ def _calibration(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
         "contacts": tables.contact_table(results),
         "balance": tables.balance_table(results),
         "driven_loads": tables.driven_loads_table(results),
+        "driven_tires": tables.driven_tires_table(results),
+        "driven_roads": tables.driven_roads_table(results),
         "loop_pictures": figures.loop_pictures(results, gallery),
         "modes": tables.modes_table(modes),
         "mode_pictures": figures.mode_pictures(modes, gallery),

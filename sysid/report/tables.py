@@ -290,6 +290,31 @@ def driven_loads_table(results: Results) -> Table | None:
     return table(title, ("log", "load case", *axles), rows, text_columns=2)
 
 
+def driven_tires_table(results: Results) -> Table | None:
+    """Tires by road drives, which share one road between their axles; None without such drives."""
+    if results.balance is None or not results.balance.tires:
+        return None
+    rows = []
+    for e in results.balance.tires:
+        factor, unit = shown_unit(e.unit)
+        shown = number(e.value * factor) if e.determined else NOT_DETERMINED
+        rows.append([e.name, unit, shown, f"{number(e.low * factor)} to {number(e.high * factor)}"])
+    return table("Tires by road drives", ("parameter", "unit", "value", "90 % interval"), rows, text_columns=2)
+
+
+def driven_roads_table(results: Results) -> Table | None:
+    """Speeds and roads of drives, as the axles tell them; None without such drives."""
+    if results.balance is None or not results.balance.roads:
+        return None
+    rows = [
+        [r.file, r.road_class, f"{3.6 * r.speed_m_s:.2f} ({3.6 * r.speed_low:.2f} to {3.6 * r.speed_high:.2f})",
+         f"{1e6 * r.density_m3:.3g} ({1e6 * r.density_low:.3g} to {1e6 * r.density_high:.3g})", f"{r.waviness:.1f}"]
+        for r in results.balance.roads
+    ]  # fmt: skip
+    head = ("log", "class", "speed [km/h]", "density at 0.1 cycles/m [cm³]", "waviness")
+    return table("Roads of the drives, with 90 % intervals", head, rows, text_columns=2)
+
+
 def contact_table(results: Results) -> Table | None:
     """Stiffness and damping by contact law of the tires; None where the fit was not repeated with others."""
     fit = results.fit

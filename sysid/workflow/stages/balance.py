@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from sysid.workflow.stages.data import CHECK
 
 if TYPE_CHECKING:
     from sysid.balance.records import AxleLoads, ForceBalance
+    from sysid.campaign.vehicle_records import Axle
     from sysid.results.contents import Results
 
 
@@ -45,13 +47,38 @@ def show_balance(balance: ForceBalance, results: Results) -> Blocks:
         for r in balance.records:
             table.add_row(r.file, r.load_case, f"{r.used_s:.1f}", f"{r.unexplained:.1%}")
         yield table
+    yield from _of_drives(balance, axles)
+    yield from balance.sentences
+
+
+def _of_drives(balance: ForceBalance, axles: Sequence[Axle]) -> Blocks:
+    """Axle loads, tires and roads of drives."""
     if balance.loads:
         numbers = [f"axle {i + 1}" for i in range(len(axles))]
         table = TextTable("Load coefficient, to 25 Hz, and 90 % interval", ("log", "load case", *numbers))
         for loads in balance.loads:
             table.add_row(loads.file, loads.load_case, *coefficient_cells(loads))
         yield table
-    yield from balance.sentences
+    if balance.roads:
+        table = TextTable("Tires by the drives", ("parameter", "axle", "value", "90 % interval", "unit"))
+        for e in balance.tires:
+            factor, unit = shown_unit(e.unit)
+            value = f"{e.value * factor:.4g}" if e.determined else NOT_DETERMINED
+            table.add_row(e.name, axles[e.axle].name, value, f"{e.low * factor:.4g} to {e.high * factor:.4g}", unit)
+        yield table
+        head = ("log", "km/h", "90 % interval", "class", "G at 0.1/m, cm3", "90 % interval", "waviness")
+        table = TextTable("Roads of the drives", head)
+        for road in balance.roads:
+            speeds, densities = (
+                (road.speed_m_s, road.speed_low, road.speed_high),
+                (road.density_m3, road.density_low, road.density_high),
+            )
+            v, v_low, v_high = (f"{3.6 * x:.2f}" for x in speeds)
+            g, g_low, g_high = (f"{1e6 * x:.3g}" for x in densities)
+            table.add_row(
+                road.file, v, f"{v_low} to {v_high}", road.road_class, g, f"{g_low} to {g_high}", f"{road.waviness:.1f}"
+            )
+        yield table
 
 
 def coefficient_cells(loads: AxleLoads) -> list[str]:
