@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from sysid.bookkeeping.drives import drive_complaints
 from sysid.bookkeeping.drops import drop_complaints
 from sysid.bookkeeping.elimination import sentences
 from sysid.bookkeeping.force_balance import run_spectra
@@ -80,6 +81,7 @@ def check_bookkeeping(
         said += [*(fault.said for fault in faults), *misplaced]
     said += _sentences(lambda: filter_complaint(runs, campaign.acquisition.filter))
     said += sampling_complaints(runs, campaign.acquisition.filter)
+    said += _sentences(lambda: drive_complaints(campaign))
     declared = declared_values(campaign)
     # All that follows rests on the places of the axles, and the balance of the frames on those of their sensors too.
     unplaced = bool(places.said or misplaced)
