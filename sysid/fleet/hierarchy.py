@@ -14,10 +14,13 @@ are zero or a campaign says nothing of a parameter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
+
+#: Numbers of all matrices of one piece of a density's rows: 2 MB each.
+_NUMBERS_AT_ONCE = 250_000
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,8 @@ class Hierarchy:
         self._named = list(dict.fromkeys(data.quantities))
         self._correlated = [g for g, at in enumerate(self._groups) if at.size > 1] if priors.correlated else []
         self._first = np.flatnonzero(np.r_[True, np.diff(data.truck_of) > 0])
+        # About the prior's mean: about zero, sums over many campaigns are so large that a search sees their rounding.
+        self._shift = data.shift - np.einsum("cij,j->ci", data.precision, data.mean)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -141,10 +146,20 @@ class Hierarchy:
         """Log-density (n,) of log hyperparameters (n, h), up to a constant."""
         log_hyper = np.atleast_2d(log_hyper)
         with np.errstate(all="ignore"):
-            parts = self.parts(log_hyper)
-            value = parts.constant + 0.5 * np.einsum("nb,nb->n", parts.linear, parts.mean) - 0.5 * parts.log_det
+            value = np.concatenate([self._log_evidence(piece) for piece in self._pieces(log_hyper)])
             value = value + self._log_prior(log_hyper)
         return np.where(np.isfinite(value), value, -np.inf)
+
+    def _pieces(self, log_hyper: np.ndarray) -> list[np.ndarray]:
+        """A few rows at a time: their matrices stay in the cache, and memory does not grow with the number of rows."""
+        numbers = len(log_hyper) * len(self.data.campaigns) * len(self.data.names) ** 2
+        return np.array_split(log_hyper, max(1, min(len(log_hyper), numbers // _NUMBERS_AT_ONCE)))
+
+    def _log_evidence(self, log_hyper: np.ndarray) -> np.ndarray:
+        parts = self.parts(log_hyper)
+        return np.asarray(
+            parts.constant + 0.5 * np.einsum("nb,nb->n", parts.totals.linear, parts.mean) - 0.5 * parts.log_det
+        )
 
     def _log_prior(self, log_hyper: np.ndarray) -> np.ndarray:
         """Half-Cauchy spreads and scatters, uniform correlations, with the Jacobian of the logarithms."""
@@ -161,35 +176,44 @@ class Hierarchy:
 
     def draw(self, log_hyper: np.ndarray, random: np.random.Generator) -> Conditional:
         """One draw of the type's mean, shared errors and trucks per row of log hyperparameters (n, h)."""
-        log_hyper = np.atleast_2d(log_hyper)
+        drawn = [self._drawn(piece, random) for piece in self._pieces(np.atleast_2d(log_hyper))]
+        return Conditional(*(np.concatenate([getattr(d, f.name) for d in drawn]) for f in fields(Conditional)))
+
+    def _drawn(self, log_hyper: np.ndarray, random: np.random.Generator) -> Conditional:
         n, d = len(log_hyper), len(self.data.names)
         parts = self.parts(log_hyper)
-        factor = np.linalg.cholesky(parts.precision)
+        factor = np.linalg.cholesky(parts.totals.precision)
         noise = random.standard_normal((n, parts.mean.shape[1], 1))
         beta = parts.mean + np.linalg.solve(factor.transpose(0, 2, 1), noise)[..., 0]
         mean, shared = beta[:, :d], beta[:, d:]
         trucks = parts.truck_mean(mean, shared)
-        root = np.linalg.cholesky(parts.spread + 1e-18 * np.eye(d))
-        inner = np.eye(d) + np.einsum("nij,ntik,nkl->ntjl", root, parts.trucks.precision, root)
+        root = np.linalg.cholesky(parts.totals.spread + 1e-18 * np.eye(d))
+        inner = np.eye(d) + np.einsum("nij,ntik,nkl->ntjl", root, parts.trucks.precision, root, optimize=True)
         steps = np.linalg.solve(
             np.linalg.cholesky(inner).transpose(0, 1, 3, 2), random.standard_normal((*trucks.shape, 1))
         )
-        return Conditional(mean, shared, trucks + np.einsum("nij,ntj->nti", root, steps[..., 0]))
+        trucks = trucks + np.einsum("nij,ntj->nti", root, steps[..., 0])
+        return Conditional(self.data.mean + mean, shared, self.data.mean + trucks)
 
-    def predicted(self, log_hyper: np.ndarray, parts: Parts, truck: int) -> tuple[np.ndarray, np.ndarray]:
+    def totals(self, log_hyper: np.ndarray) -> Totals:
+        """What :meth:`predicted` needs of log hyperparameters (n, h)."""
+        pieces = [self.parts(piece).totals for piece in self._pieces(log_hyper)]
+        return Totals(*(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(Totals)))
+
+    def predicted(self, log_hyper: np.ndarray, totals: Totals, truck: int) -> tuple[np.ndarray, np.ndarray]:
         """What all other trucks say of a campaign of one truck: means (n, d) and covariances (n, d, d).
 
-        Given the hyperparameters, with `parts` of them; shared errors are taken at their mean, as in the draws of the
+        Given the hyperparameters, with `totals` of them; shared errors are taken at their mean, as in the draws of the
         campaign.
         """
         d = len(self.data.names)
-        joint = parts.precision - parts.joint_of_truck[:, truck]
-        linear = parts.linear - parts.linear_of_truck[:, truck]
+        joint = totals.precision - totals.joint_of_truck[:, truck]
+        linear = totals.linear - totals.linear_of_truck[:, truck]
         mean = np.linalg.solve(joint, linear[..., None])[..., 0][:, :d]
-        covariance = np.linalg.inv(joint)[:, :d, :d] + parts.spread
+        covariance = np.linalg.inv(joint)[:, :d, :d] + totals.spread
         covariance = 0.5 * (covariance + covariance.transpose(0, 2, 1))
         covariance[:, np.arange(d), np.arange(d)] += self.scatter(log_hyper)
-        return mean, covariance
+        return self.data.mean + mean, covariance
 
     def parts(self, log_hyper: np.ndarray) -> Parts:
         """Sums over campaigns and trucks for log hyperparameters (n, h)."""
@@ -198,8 +222,8 @@ class Hierarchy:
         # Campaigns with their scatter integrated out: (I + L Phi)^-1 L and (I + L Phi)^-1 h.
         mixed = np.eye(d) + data.precision * scatter[:, None, None, :]
         inverse = np.linalg.inv(mixed)
-        precision, shift = inverse @ data.precision, np.einsum("ncij,cj->nci", inverse, data.shift)
-        constant = 0.5 * np.einsum("ci,ni,nci->n", data.shift, scatter, shift)
+        precision, shift = inverse @ data.precision, np.einsum("ncij,cj->nci", inverse, self._shift)
+        constant = 0.5 * np.einsum("ci,ni,nci->n", self._shift, scatter, shift)
         constant -= 0.5 * np.linalg.slogdet(mixed)[1].sum(axis=1)
         campaigns = Forms(
             precision,
@@ -210,16 +234,18 @@ class Hierarchy:
         )
         trucks = campaigns.summed(self._first)
         # theta integrated out: G = (I + L T)^-1.
-        around = spread[:, None] @ trucks.gain(spread)
-        constant += 0.5 * np.einsum("nti,ntij,ntj->n", trucks.shift, around, trucks.shift)
-        constant -= 0.5 * np.linalg.slogdet(trucks.mixed(spread))[1].sum(axis=1)
-        joint, linear = trucks.joint(spread), trucks.linear(spread)
+        mixed = trucks.mixed(spread)
+        gain = np.linalg.inv(mixed)
+        pulled = np.einsum("ntij,ntj->nti", gain, trucks.shift)
+        constant += 0.5 * np.einsum("nti,nij,ntj->n", trucks.shift, spread, pulled, optimize=True)
+        constant -= 0.5 * np.linalg.slogdet(mixed)[1].sum(axis=1)
+        joint, linear = trucks.joint(spread, gain), trucks.linear(spread, pulled)
         prior = np.r_[np.full(d, self.priors.mean_sd**-2.0), data.shared_sd**-2.0]
         whole = joint.sum(axis=1)
         whole = 0.5 * (whole + whole.transpose(0, 2, 1)) + np.diag(prior)
-        pull = linear.sum(axis=1) + prior * np.r_[data.mean, np.zeros(data.shared_sd.size)]
+        pull = linear.sum(axis=1)
         mean = np.linalg.solve(whole, pull[..., None])[..., 0]
-        return Parts(constant, whole, pull, mean, spread, trucks, joint, linear)
+        return Parts(constant, mean, trucks, gain, Totals(whole, pull, spread, joint, linear))
 
 
 @dataclass(frozen=True)
@@ -245,46 +271,53 @@ class Forms:
         """I + L T for covariances T (n, d, d) of theta."""
         return np.asarray(np.eye(spread.shape[-1]) + self.precision @ spread[:, None])
 
-    def gain(self, spread: np.ndarray) -> np.ndarray:
-        """G = (I + L T)^-1."""
-        return np.asarray(np.linalg.inv(self.mixed(spread)))
-
-    def joint(self, spread: np.ndarray) -> np.ndarray:
-        """Precision (n, m, d + S, d + S) of mu and e with theta ~ N(mu, T) integrated out."""
-        gain = self.gain(spread)
+    def joint(self, spread: np.ndarray, gain: np.ndarray) -> np.ndarray:
+        """Precision (n, m, d + S, d + S) of mu and e with theta ~ N(mu, T) integrated out; G = (I + L T)^-1."""
         cross = gain @ self.moved
         corner = self.shared - self.moved.transpose(0, 1, 3, 2) @ spread[:, None] @ cross
         upper = np.concatenate([gain @ self.precision, cross], axis=3)
         return np.concatenate([upper, np.concatenate([cross.transpose(0, 1, 3, 2), corner], axis=3)], axis=2)
 
-    def linear(self, spread: np.ndarray) -> np.ndarray:
-        """Linear term (n, m, d + S) of the same."""
-        pulled = np.einsum("ntij,ntj->nti", self.gain(spread), self.shift)
+    def linear(self, spread: np.ndarray, pulled: np.ndarray) -> np.ndarray:
+        """Linear term (n, m, d + S) of the same, from G h (n, m, d)."""
         of_shared = self.shared_shift - np.einsum("ntis,nij,ntj->nts", self.moved, spread, pulled)
         return np.concatenate([pulled, of_shared], axis=2)
 
 
 @dataclass(frozen=True)
-class Parts:
-    """Sums of the model for n sets of hyperparameters: all that density, draws and predictions need."""
+class Totals:
+    """Precision (n, d + S, d + S) and linear term (n, d + S) of mean and shared errors, T (n, d, d), each truck's parts.
 
-    constant: np.ndarray
+    Parameters are about the mean of their prior.
+    """
+
     precision: np.ndarray
     linear: np.ndarray
-    mean: np.ndarray
     spread: np.ndarray
-    trucks: Forms
     joint_of_truck: np.ndarray
     linear_of_truck: np.ndarray
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Sums of the model for n sets of hyperparameters: all that density, draws and predictions need.
+
+    `gain` (n, trucks, d, d) is (I + L T)^-1 of every truck.
+    """
+
+    constant: np.ndarray
+    mean: np.ndarray
+    trucks: Forms
+    gain: np.ndarray
+    totals: Totals
 
     @property
     def log_det(self) -> np.ndarray:
         """Logarithm of the determinant of the precision of mean and shared errors, (n,)."""
-        return np.asarray(np.linalg.slogdet(self.precision)[1])
+        return np.asarray(np.linalg.slogdet(self.totals.precision)[1])
 
     def truck_mean(self, mean: np.ndarray, shared: np.ndarray) -> np.ndarray:
         """Means (n, trucks, d) of the trucks given the type's mean (n, d) and shared errors (n, S)."""
-        gain = self.trucks.gain(self.spread)
         data = self.trucks.shift - np.einsum("ntis,ns->nti", self.trucks.moved, shared)
-        towards = np.einsum("ntji,nj->nti", gain, mean)
-        return np.asarray(towards + np.einsum("nij,ntjk,ntk->nti", self.spread, gain, data))
+        towards = np.einsum("ntji,nj->nti", self.gain, mean)
+        return np.asarray(towards + np.einsum("nij,ntjk,ntk->nti", self.totals.spread, self.gain, data, optimize=True))

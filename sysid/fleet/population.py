@@ -15,7 +15,7 @@ from sysid.fleet.exchangeable import Readings, pooled_populations
 from sysid.fleet.hierarchy import Hierarchy, HyperPriors, TypeData
 from sysid.fleet.likelihood import likelihood_of
 from sysid.fleet.population_prior import PopulationPrior, prior_of_others
-from sysid.fleet.weights import MOST_K, Weights, campaign_weights, log_correction, smoothed
+from sysid.fleet.weights import MOST_K, Weights, campaign_weights, log_correction, log_ratios, smoothed
 from sysid.posterior.options import SamplingOptions
 from sysid.posterior.sampled_posterior import Posterior
 from sysid.posterior.sampling import sample_posterior
@@ -27,12 +27,22 @@ OUTLIER_LEVEL = 0.10
 DRAWS = 2000
 #: Those of them that are weighted by how far the campaigns are from Gaussian: at least so many, and as many more as
 #: this number of pairs of a campaign and a draw allows.
-_WEIGHTED = 400
+_WEIGHTED = 200
 _WEIGHTED_PAIRS = 20_000
 #: Sampling of hyperparameters: a density that takes a millisecond may be drawn from for long.
 SAMPLING = SamplingOptions(
-    ensembles=4, segment_steps=100, adapting_steps=0, min_steps=300, max_steps=6000, min_effective=1000.0
+    ensembles=4,
+    segment_steps=100,
+    adapting_steps=0,
+    min_steps=300,
+    max_steps=6000,
+    min_effective=1000.0,
+    importance_draws=3000,
+    importance_suffices=True,
 )
+
+#: Step of the slopes of a log-density by differences.
+_STEP = 1e-4
 
 
 @dataclass(frozen=True)
@@ -189,11 +199,18 @@ def fit_population(
 
 def laplace(model: Hierarchy) -> tuple[np.ndarray, np.ndarray]:
     """Mode (h,) of the hyperparameters and a covariance (h, h) from the curvature there."""
+    count = model.start.size
+    moves = _STEP * np.eye(count)
+
+    def slope(u: np.ndarray) -> np.ndarray:
+        above, below = np.split(model(np.concatenate([u + moves, u - moves])), 2)
+        return np.asarray((below - above) / (2.0 * _STEP))
+
     optimum = minimize(
-        lambda u: -float(model(u[None])[0]), model.start, method="Nelder-Mead" if model.start.size < 2 else "BFGS"
+        lambda u: -float(model(u[None])[0]), model.start, jac=slope, method="BFGS", options={"gtol": 1e-2}
     )
     mode = np.clip(optimum.x, model.start - 4.0, model.start + 4.0)
-    count, step = mode.size, 0.05
+    step = 0.05
     moves = step * np.eye(count)
     pairs = [(i, j) for i in range(count) for j in range(i, count)]
     points = [mode + s * moves[i] + r * moves[j] for i, j in pairs for s in (1, -1) for r in (1, -1)]
@@ -323,22 +340,23 @@ def _pareto(
     """Pareto k per campaign (NaN without draws), a better prior where it is too large, and log weights (n,)."""
     data, of_others = model.data, {}
     k, log_weights = np.full(len(data.campaigns), np.nan), np.zeros(len(log_hyper))
-    parts = model.parts(log_hyper)
+    totals = model.totals(log_hyper)
     for c in range(len(data.campaigns)):
         # One at a time: draws of thousands of campaigns need not fit into memory.
         record = records[c]
         if record is None:
             continue
         at = np.array([data.names.index(n) for n in record.names])
-        mean, covariance = model.predicted(log_hyper, parts, int(data.truck_of[c]))
+        mean, covariance = model.predicted(log_hyper, totals, int(data.truck_of[c]))
         around = (mean[:, at], covariance[:, at][:, :, at])
         prior = (record.prior_mean, record.prior_covariance)
-        k[c] = campaign_weights(record.draws, *prior, *(part[::4] for part in around)).pareto_k
+        ratios = log_ratios(record.draws, *prior, *around)
+        k[c] = campaign_weights(ratios[::4]).pareto_k
         if k[c] > MOST_K:
             of_others[data.campaigns[c]] = prior_of_others(record.names, *around)
         # As the draws are: a shared error that was taken out of the likelihood is part of them.
         likelihood = likelihood_of(record)
-        log_weights += log_correction(record.draws, *prior, *around, likelihood.precision, likelihood.shift)
+        log_weights += log_correction(ratios, *around, likelihood.precision, likelihood.shift)
     return k, of_others, log_weights
 
 

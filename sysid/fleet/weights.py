@@ -42,52 +42,54 @@ def smoothed(log_weights: np.ndarray) -> Weights:
     return Weights(np.asarray(smooth), np.inf if few or np.isnan(k) else float(k))
 
 
-def log_normal(x: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Log-density of N(mean (n, d), covariance (n, d, d)) at points (m, d): (n, m), up to the constant of 2 pi."""
-    factor = np.linalg.cholesky(covariance)
-    off = x[None, :, :] - mean[:, None, :]
-    white = np.linalg.solve(factor, off.transpose(0, 2, 1))
-    log_det = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-    return np.asarray(-0.5 * (white**2).sum(axis=1) - log_det[:, None])
+def _coefficients(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Of the log-density of N(mean (n, d), covariance (n, d, d)), in products, coordinates and 1, without 2 pi."""
+    precision = np.linalg.inv(covariance)
+    pull = np.einsum("nij,nj->ni", precision, mean)
+    i, j = np.triu_indices(mean.shape[1])
+    constant = np.einsum("ni,ni->n", pull, mean) + np.linalg.slogdet(covariance)[1]
+    products = precision[:, i, j] * np.where(i == j, -0.5, -1.0)
+    return np.concatenate([products, pull, -0.5 * constant[:, None]], axis=1)
 
 
-def campaign_weights(
+def log_ratios(
     draws: np.ndarray,
     prior_mean: np.ndarray,
     prior_covariance: np.ndarray,
     mean: np.ndarray,
     covariance: np.ndarray,
-) -> Weights:
-    """Weights of draws (n, d), averaged over the Gaussians (h, d), (h, d, d) of draws of the hyperparameters."""
-    prior = log_normal(draws, prior_mean[None], prior_covariance[None])[0]
-    population = log_normal(draws, mean, covariance)
-    top = population.max(axis=0)
-    return smoothed(top + np.log(np.exp(population - top).mean(axis=0)) - prior)
+) -> np.ndarray:
+    """Logarithm of N(x_s; m, S) / N(x_s; m0, P) (h, n) at draws (n, d), for h Gaussians m (h, d), S (h, d, d)."""
+    centre = draws.mean(axis=0)
+    at = draws - centre
+    i, j = np.triu_indices(at.shape[1])
+    features = np.concatenate([at[:, i] * at[:, j], at, np.ones((len(at), 1))], axis=1)
+    prior = _coefficients(prior_mean[None] - centre, prior_covariance[None])
+    return np.asarray((_coefficients(mean - centre, covariance) - prior) @ features.T)
+
+
+def campaign_weights(ratios: np.ndarray) -> Weights:
+    """Weights of draws, averaged over the Gaussians of draws of the hyperparameters, from log ratios (h, n)."""
+    top = ratios.max(axis=0)
+    return smoothed(top + np.log(np.exp(ratios - top).mean(axis=0)))
 
 
 def log_correction(
-    draws: np.ndarray,
-    prior_mean: np.ndarray,
-    prior_covariance: np.ndarray,
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    precision: np.ndarray,
-    shift: np.ndarray,
+    ratios: np.ndarray, mean: np.ndarray, covariance: np.ndarray, precision: np.ndarray, shift: np.ndarray
 ) -> np.ndarray:
     """Log ratio (h,) of a campaign's evidence under its draws to that under its Gaussian form, up to a constant.
 
-    The first is the mean of N(x_s; m, S) / N(x_s; m0, P) over the draws; the second, with precision L and shift h of
-    the likelihood, the integral of exp(-x'Lx/2 + h'x) N(x; m, S).  With several campaigns of one truck it is a
-    correction of first order.
+    The first is the mean of exp(`ratios`) (h, n) over the draws; the second, with precision L and shift h of the
+    likelihood, the integral of exp(-x'Lx/2 + h'x) N(x; m, S).  With several campaigns of one truck it is a correction
+    of first order.
     """
-    prior = log_normal(draws, prior_mean[None], prior_covariance[None])[0]
-    ratios = log_normal(draws, mean, covariance) - prior
     top = ratios.max(axis=1)
     sampled = top + np.log(np.exp(ratios - top[:, None]).mean(axis=1))
     mixed = np.eye(len(shift)) + precision @ covariance
     pull = shift - np.einsum("ij,hj->hi", precision, mean)
     gain = np.linalg.solve(mixed, pull[..., None])[..., 0]
-    gauss = 0.5 * np.einsum("hi,hij,hj->h", pull, covariance, gain) - 0.5 * np.linalg.slogdet(mixed)[1]
+    gauss = 0.5 * np.einsum("hi,hij,hj->h", pull, covariance, gain, optimize=True)
+    gauss -= 0.5 * np.linalg.slogdet(mixed)[1]
     gauss += np.einsum("i,hi->h", shift, mean)
-    gauss -= 0.5 * np.einsum("hi,ij,hj->h", mean, precision, mean)
+    gauss -= 0.5 * np.einsum("hi,ij,hj->h", mean, precision, mean, optimize=True)
     return np.asarray(sampled - gauss)

@@ -15,6 +15,9 @@ class SamplingOptions:
     are those of the Laplace approximation. Where the chain has not converged after `adapting_steps` with them, they are
     fitted to its second half, and again at every doubling. Convergence is judged from `min_steps` after the last change
     of the proposals on, and draws before that change are in no posterior that is called converged.
+
+    `importance_draws` about the optimum say whether a chain is needed. With `importance_suffices` they are the
+    posterior where their Pareto k is low and `min_effective` of them are effective: no chain is run.
     """
 
     ensembles: int = 4
@@ -26,5 +29,7 @@ class SamplingOptions:
     rhat_limit: float = 1.01
     min_effective: float = 400.0
     start_inflation: float = 2.0
+    importance_draws: int = 400
+    importance_suffices: bool = False
     seed: int = 0
     preview: bool = False

@@ -72,8 +72,11 @@ def sample_posterior(
     options = options or SamplingOptions()
     report = progress or unwatched
     report("importance sampling", 0.0)
-    importance = importance_sample(density, centre, covariance, options.seed)
-    if options.preview and importance.is_reliable:
+    importance = importance_sample(
+        density, centre, covariance, options.seed, options.importance_draws, sided=options.importance_suffices
+    )
+    suffices = options.importance_suffices and importance.effective >= options.min_effective
+    if importance.is_reliable and (options.preview or suffices):
         return _without_chain(names, importance, likelihood, options)
     identity = chain_identity(options, centre, covariance, fingerprint or {})
     with nullcontext() if folder is None else Checkpoint(folder, identity) as checkpoint:
@@ -109,7 +112,7 @@ def sample_posterior(
 def _without_chain(
     names: tuple[str, ...], importance: ImportanceSample, likelihood: str, options: SamplingOptions
 ) -> Posterior:
-    """A preview from importance sampling alone, its draws in as many groups as there would be ensembles."""
+    """The posterior from importance sampling alone, its draws in as many groups as there would be ensembles."""
     logs, log_probability = importance.resampled(options.ensembles, np.random.default_rng(options.seed))
     count, effective = len(names), importance.effective
     diagnosis = Diagnosis(0, np.ones(count), np.full(count, effective), diagnose(logs).rhat)
@@ -123,10 +126,10 @@ def _without_chain(
         autocorrelation_time=diagnosis.autocorrelation_time,
         acceptance=np.full(options.ensembles, effective / len(importance.draws)),
         summaries=summarise(names, draws.reshape(-1, count), diagnosis),
-        converged=False,
-        preview=True,
+        converged=not options.preview,
+        preview=options.preview,
         likelihood=likelihood,
-        message=f"Preview without a chain, not for use. {importance.sentence}",
+        message=f"{'Preview without a chain, not for use. ' if options.preview else ''}{importance.sentence}",
         seed=options.seed,
     )
 

@@ -16,7 +16,7 @@ from sysid.fleet.hierarchy import Hierarchy, HyperPriors, TypeData
 from sysid.fleet.likelihood import likelihood_of, sensitivity_to, without_shared
 from sysid.fleet.population import find_outliers, fit_population, stand_alone
 from sysid.fleet.records import SharedError
-from sysid.fleet.weights import campaign_weights
+from sysid.fleet.weights import campaign_weights, log_ratios
 from sysid.posterior.options import SamplingOptions
 
 POSTERIORDB = Path(__file__).resolve().parents[1] / "data" / "posteriordb"
@@ -139,7 +139,7 @@ def test_what_the_other_trucks_say_of_a_campaign_is_the_dense_conditional() -> N
         gain = joint[np.ix_(own, others)] @ np.linalg.inv(joint[np.ix_(others, others)])
         mean = centre[own] + gain @ (value.ravel()[others - y[0]] - centre[others])
         known = joint[np.ix_(own, own)] - gain @ joint[np.ix_(others, own)]
-        found_mean, found = model.predicted(model.start[None], model.parts(model.start[None]), int(truck))
+        found_mean, found = model.predicted(model.start[None], model.totals(model.start[None]), int(truck))
         assert found_mean[0] == pytest.approx(mean, abs=1e-9)
         assert found[0] == pytest.approx(known, abs=1e-10)
 
@@ -338,17 +338,25 @@ def test_draws_are_kept_and_read_back(tmp_path: Path) -> None:
 def test_pareto_k_tells_draws_that_do_not_reach() -> None:
     random = np.random.default_rng(7)
     kept = record(random, np.zeros(2), 0.01 * np.eye(2), ("k_1", "c_1"))
-    near = campaign_weights(kept.draws, kept.prior_mean, kept.prior_covariance, np.zeros((1, 2)), np.eye(2)[None])
-    far = campaign_weights(
-        kept.draws, kept.prior_mean, kept.prior_covariance, np.full((1, 2), -0.6), 0.0004 * np.eye(2)[None]
-    )
+    prior = (kept.draws, kept.prior_mean, kept.prior_covariance)
+    near = campaign_weights(log_ratios(*prior, np.zeros((1, 2)), np.eye(2)[None]))
+    far = campaign_weights(log_ratios(*prior, np.full((1, 2), -0.6), 0.0004 * np.eye(2)[None]))
     assert near.pareto_k < 0.5
     assert far.pareto_k > 0.7
     # Reweighted to another Gaussian, a product of Gaussians is known in closed form.
-    moved = campaign_weights(
-        kept.draws, kept.prior_mean, kept.prior_covariance, np.array([[0.1, 0.0]]), 0.04 * np.eye(2)[None]
-    )
+    moved = campaign_weights(log_ratios(*prior, np.array([[0.1, 0.0]]), 0.04 * np.eye(2)[None]))
     assert moved.mean(kept.draws)[0] == pytest.approx(0.1 * 0.01 / 0.05, abs=0.01)
+
+
+def test_ratios_of_many_gaussians_are_those_of_scipy() -> None:
+    random = np.random.default_rng(3)
+    x, mean = 13.0 + 0.02 * random.standard_normal((40, 3)), 13.0 + 0.03 * random.standard_normal((5, 3))
+    root = 0.01 * random.standard_normal((5, 3, 3)) + 0.02 * np.eye(3)
+    covariance = root @ root.transpose(0, 2, 1)
+    prior = multivariate_normal(mean[0] + 0.3, 0.09 * np.eye(3))
+    oracle = [multivariate_normal(m, c).logpdf(x) - prior.logpdf(x) for m, c in zip(mean, covariance, strict=True)]
+    found = log_ratios(x, mean[0] + 0.3, 0.09 * np.eye(3), mean, covariance)
+    np.testing.assert_allclose(found, oracle, rtol=1e-9, atol=1e-9)
 
 
 def test_one_number_per_truck_by_quadrature() -> None:

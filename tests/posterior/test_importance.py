@@ -27,7 +27,7 @@ def skewed(x: np.ndarray) -> np.ndarray:
 
 
 def test_a_gaussian_needs_no_chain() -> None:
-    found = importance_sample(gaussian, CENTRE, COVARIANCE, 1)
+    found = importance_sample(gaussian, CENTRE, COVARIANCE, 1, 400)
     assert found.pareto_k < 0.5
     assert found.effective > 0.9 * len(found.draws)
     assert "a chain was not needed" in found.sentence
@@ -49,13 +49,13 @@ def test_weights_give_the_mean_of_a_posterior_that_leans() -> None:
 
 @pytest.mark.parametrize("wide", [10.0, 100.0])
 def test_a_posterior_that_is_wider_than_its_approximation_needs_one(wide: float) -> None:
-    found = importance_sample(lambda x: gaussian(CENTRE + (x - CENTRE) / wide), CENTRE, COVARIANCE, 1)
+    found = importance_sample(lambda x: gaussian(CENTRE + (x - CENTRE) / wide), CENTRE, COVARIANCE, 1, 400)
     assert not found.is_reliable
     assert "a chain is needed" in found.sentence
 
 
 def test_a_density_that_is_finite_nowhere_is_no_answer() -> None:
-    found = importance_sample(lambda x: np.full(len(x), np.nan), CENTRE, COVARIANCE, 1)
+    found = importance_sample(lambda x: np.full(len(x), np.nan), CENTRE, COVARIANCE, 1, 400)
     assert not found.is_reliable
 
 
@@ -70,3 +70,37 @@ def test_a_preview_is_the_importance_sample_where_that_suffices() -> None:
     whole = sample_posterior(gaussian, names, CENTRE, COVARIANCE, "test", replace(PREVIEW, preview=False))
     assert "10 steps" in whole.message
     assert "a chain was not needed" in whole.message
+
+
+def log_exponential(x: np.ndarray) -> np.ndarray:
+    """Logarithm u of a spread that may be zero: its density falls as exp(u) on one side, and at once on the other."""
+    u = x[:, 0] - CENTRE[0]
+    return u - np.exp(u) - 0.5 * (((x[:, 1:] - CENTRE[1:]) / SD[1:]) ** 2).sum(axis=1)
+
+
+def test_proposals_with_sides_reach_a_spread_of_zero() -> None:
+    """The mean of exp(u) is 1, that of u is minus Euler's constant, for every exponential distribution."""
+    covariance = np.diag(np.r_[1.0, SD[1:] ** 2])
+    found = importance_sample(log_exponential, CENTRE, covariance, 1, 4000, sided=True)
+    assert found.pareto_k < 0.5
+    assert found.effective > 0.5 * len(found.draws)
+    u = found.draws[:, 0] - CENTRE[0]
+    assert found.weights @ u == pytest.approx(-np.euler_gamma, abs=0.05)
+    assert found.weights @ np.exp(u) == pytest.approx(1.0, abs=0.05)
+    # Without sides the tail is not reached.
+    plain = importance_sample(log_exponential, CENTRE, covariance, 1, 4000)
+    assert plain.pareto_k > found.pareto_k
+    assert plain.effective < found.effective
+
+
+def test_importance_draws_are_the_posterior_where_they_suffice() -> None:
+    names, options = ("k_1", "c_1", "kt_1"), replace(PREVIEW, preview=False, importance_draws=2000)
+    enough = replace(options, importance_suffices=True, min_effective=1000.0)
+    found = sample_posterior(gaussian, names, CENTRE, COVARIANCE, "test", enough)
+    assert found.converged
+    assert not found.preview
+    assert found.message.startswith("Importance sampling")
+    assert np.log(found.draws).std(axis=(0, 1, 2)) == pytest.approx(SD, rel=0.1)
+    # Fewer effective draws than are wanted, or a posterior that they do not reach: a chain.
+    chain = sample_posterior(gaussian, names, CENTRE, COVARIANCE, "test", replace(enough, min_effective=2001.0))
+    assert "10 steps" in chain.message
