@@ -286,7 +286,7 @@ class Forms:
 
 @dataclass(frozen=True)
 class Totals:
-    """Precision (n, d + S, d + S) and linear term (n, d + S) of mean and shared errors, T (n, d, d), each truck's parts.
+    """Precision (n, d + S, d + S) and linear term (n, d + S) of mean and shared errors, T (n, d, d), and of trucks.
 
     Parameters are about the mean of their prior.
     """
