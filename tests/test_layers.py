@@ -190,6 +190,7 @@ SHOWN = {
     "results.contents",
     "results.judgement",
     "results.headline",
+    "results.next_steps",
     "results.pass_limits",
     "sdof.drop_results",
     "validation.channel_agreement",

@@ -14,9 +14,11 @@ from sysid.results.headline import (
     higher_elsewhere,
     in_thousands,
     largest_loads,
+    loads_answer,
     suspension_rows,
 )
 from sysid.results.judgement import judge
+from sysid.results.next_steps import next_steps
 from sysid.workflow.stage import Blocks
 
 if TYPE_CHECKING:
@@ -38,8 +40,14 @@ def show_run(results: Results, report: Path) -> Blocks:
     more = len(judgement.reasons) - _REASONS
     if more > 0:
         yield f"  {count(more, 'more reason')} in the report."
+    if loads := loads_answer(results, judgement):
+        yield f"Can you use the axle loads? {loads.words}."
+        if loads.sentences:
+            yield f"  {loads.sentences}"
+    if steps := next_steps(results, judgement):
+        yield f"Next: {steps[0]}"
     yield f"Report: {report}"
-    yield _next(results)
+    yield _command(results)
 
 
 def _suspension(results: Results) -> Iterator[TextTable]:
@@ -63,7 +71,9 @@ def _loads(results: Results) -> Iterator[TextTable | str]:
     loads = largest_loads(results)
     if not loads:
         return
-    table = TextTable("Largest axle load of the predicted passes", ("axle", "static kN", "peak kN", "of static", "in"))
+    passes = 0 if results.predictions is None else len(results.predictions.passes)
+    title = f"Largest axle load of {count(passes, 'predicted pass', 'predicted passes')}"
+    table = TextTable(title, ("axle", "static kN", "peak kN", "of static", "in"))
     for load in loads:
         table.add_row(
             _axle(results.campaign, load.axle),
@@ -79,12 +89,12 @@ def _loads(results: Results) -> Iterator[TextTable | str]:
         yield more
 
 
-def _next(results: Results) -> CommandHint:
-    """One command: what brings these results further."""
+def _command(results: Results) -> CommandHint:
+    """One command to go on with."""
     if results.status == "preview":
-        return CommandHint("Next, for numbers that can be used", ("run",))
+        return CommandHint("For numbers that can be used", ("run",))
     if results.fit is not None and not results.fit.converged:
-        return CommandHint("Next, look at the logs: the fit did not converge", ("check",))
+        return CommandHint("Look at the logs: the fit did not converge", ("check",))
     if results.status == "not_converged":
-        return CommandHint("Next, continue the chain with a larger --max-steps", ("run", "--resume"))
-    return CommandHint("Next, for axle loads at another speed", ("predict", "--speed", "60"))
+        return CommandHint("Continue the chain with a larger --max-steps", ("run", "--resume"))
+    return CommandHint("For axle loads at another speed", ("predict", "--speed", "60"))

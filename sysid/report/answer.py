@@ -12,7 +12,7 @@ from sysid.estimates.suspension_values import Estimate
 from sysid.numbers import MISSING, decimals, fixed, interval, listing
 from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.results import Results
-from sysid.results.headline import PeakLoad, largest_loads, suspension_rows
+from sysid.results.headline import PeakLoad, higher_elsewhere, largest_loads, suspension_rows
 
 if TYPE_CHECKING:
     from sysid.campaign.vehicle_records import LoadCase
@@ -35,6 +35,8 @@ def answer_table(results: Results) -> Table | None:
     caption = f"Per axle, both sides together; brackets: {listing(list(kinds))}"
     if any(load.beyond for load in largest_loads(results)):
         caption += "; * an extrapolation beyond the driven runs"
+    if more := higher_elsewhere(results):
+        caption += f". {more.rstrip('.')}"
     head = ("axle", "k [kN/m]", "c [kN s/m]", *(() if results.predictions is None else ("peak load [kN]",)))
     return table(caption, head, rows, classes="answer-table")
 

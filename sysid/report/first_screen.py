@@ -11,14 +11,17 @@ import numpy as np
 
 from sysid import plot
 from sysid.display import NOT_DETERMINED
+from sysid.estimation.fit.thresholds import MISFIT
 from sysid.numbers import MISSING, count, decimals, fixed, listing, number, speed
 from sysid.report.figures import Gallery, Picture, run_words
 from sysid.report.load_tables import sweep_name
 from sysid.results import Results
 from sysid.results.headline import (
+    LoadAtSpeed,
     PeakLoad,
     SuspensionRow,
-    higher_elsewhere,
+    in_thousands,
+    largest_at_any_speed,
     largest_loads,
     static_loads_N,
     suspension_rows,
@@ -51,26 +54,36 @@ def truck_rows(results: Results) -> TruckRows:
         ("k [kN/m]", _per_axle(results, of_axles, "stiffness")),
         ("c [kN s/m]", _per_axle(results, of_axles, "damping")),
     ]
+    anywhere = largest_at_any_speed(results)
     if loads:
         rows += [
-            ("static load [kN]", [fixed(load.static_N / 1e3, 1) for load in loads]),
             ("peak load [kN]", [_peak(load) for load in loads]),
-            ("peak / static", [f"{fixed(100.0 * load.ratio, 0)} %" for load in loads]),
-            ("at", [load.pass_name for load in loads]),
+            ("in", [load.pass_name for load in loads]),
+            ("static there", [f"{fixed(load.static_N / 1e3, 1)} ({fixed(100.0 * load.ratio, 0)} %)" for load in loads]),
         ]
+        if anywhere:
+            rows.append((f"to {_fastest(results)} km/h [kN]", [_at_speed(load) for load in anywhere]))
     else:
         case = next(iter(results.campaign.load_cases.values()))
         gravity = results.campaign.vehicle.gravity_m_s2
         rows.append(("static load [kN]", [fixed(gravity * mass / 1e3, 1) for mass in case.axle_loads_kg]))
-    highest = max(loads, key=lambda load: load.peak_N).axle if loads else None
+    peaks = [load.peak_N for load in anywhere or loads]
+    highest = int(np.argmax(peaks)) if loads else None
     kinds = dict.fromkeys(e.kind for row in of_axles for e in (row.stiffness, row.damping) if e)
-    caption = f"k, c and loads are of both sides of an axle together; ± is half of the {listing(list(kinds))}."
-    if loads:
-        caption += " Peak load: the largest of the passes that were asked for; shaded: the largest of all axles" + (
-            "; * an extrapolation beyond the driven runs." if any(load.beyond for load in loads) else "."
+    caption = (
+        f"k, c and loads are of both sides of an axle together; ± is half of the {listing(list(kinds))}. One value "
+        "holds for all load cases. c: mean of both directions at 0.5 m/s, without friction."
+    )
+    if loads and results.predictions is not None:
+        passes = count(len(results.predictions.passes), "predicted pass", "predicted passes")
+        caption += (
+            f" Peak load: the largest of {passes} over the bump, and in which; static there: the load at rest in that "
+            "load case, and peak over it."
         )
-        if more := higher_elsewhere(results):
-            caption += f" {more}"
+        if anywhere:
+            caption += f" Last row: the largest at any speed to {_fastest(results)} km/h; shaded: the largest of all."
+        if any(load.beyond for load in loads) or any(load.beyond for load in anywhere):
+            caption += " * an extrapolation beyond the driven runs."
     return TruckRows(rows, highest, caption)
 
 
@@ -82,6 +95,15 @@ def truck_picture(results: Results, gallery: Gallery) -> list[Picture]:
     words = [f"{head}: {', '.join(f'axle {i + 1} {t}' for i, t in enumerate(texts))}." for head, texts in rows.texts]
     draws = partial(plot.truck, results.campaign.vehicle, rows.texts, rows.highest)
     return [gallery.picture(draws, rows.caption, " ".join([rows.caption, *words]), width="wide truck")]
+
+
+def _fastest(results: Results) -> str:
+    assert results.predictions is not None
+    return speed(max(float(sweep.speed_m_s.max()) for sweep in results.predictions.sweeps))
+
+
+def _at_speed(load: LoadAtSpeed) -> str:
+    return f"{fixed(load.peak_N / 1e3, 0)}{'*' if load.beyond else ''} {load.load_case}, {speed(load.speed_m_s)} km/h"
 
 
 def _per_axle(results: Results, rows: tuple[SuspensionRow, ...], quantity: str) -> list[str]:
@@ -107,10 +129,7 @@ def _value(e: Estimate) -> str:
 
 
 def _peak(load: PeakLoad) -> str:
-    value = load.peak_N / 1e3
-    places = decimals(value)
-    half = "" if load.low_N is None or load.high_N is None else f" ± {number((load.high_N - load.low_N) / 2e3, 2)}"
-    return fixed(value, places) + half + ("*" if load.beyond else "")
+    return in_thousands(load.peak_N, load.low_N, load.high_N) + ("*" if load.beyond else "")
 
 
 def worst_picture(results: Results, gallery: Gallery) -> list[Picture]:
@@ -128,7 +147,8 @@ def worst_picture(results: Results, gallery: Gallery) -> list[Picture]:
     caption = (
         f"The worst of {count(len(known), 'channel record')}: {_channel(worst, history)} of {run_words(history)}. Its "
         f"residual is {number(worst.residual_over_noise, 2)} times what the sensor shows before the bump "
-        f"(median of all: {number(float(np.median([r.residual_over_noise for r in known])), 2)})."
+        f"(median of all: {number(float(np.median([r.residual_over_noise for r in known])), 2)}; 1 is noise alone, "
+        f"from {MISFIT:g} on the model limits the accuracy)."
     )
     return [gallery.picture(partial(plot.overlay, history, worst.column), caption, width="half")]
 

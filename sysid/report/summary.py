@@ -145,7 +145,8 @@ def _verdict(page: _Page, results: Results, name: _Unseen) -> None:
     if more > 0:
         reasons.append(f"{count(more, 'more reason')} in the report.")
     if said.loads:
-        reasons += textwrap.wrap(said.loads, 118)
+        answer = f"Can the axle loads be used? {said.loads.words}. {said.loads.sentences}"
+        reasons += textwrap.wrap(answer, 118)
     height = 0.42 + 0.145 * len(reasons)
     ax = page.axes(_SIDE, _WITHIN, height)
     ax.set_axis_off()

@@ -8,10 +8,10 @@ from typing import Literal
 
 from sysid.estimates.suspension_values import Quantity, distinct
 from sysid.numbers import count, interval, listing, number, percent, speed
-from sysid.results import pass_limits
 from sysid.results.contents import Judgement, Results, Trust
-from sysid.results.headline import answer_words
-from sysid.results.judgement import in_words, judge, relative_half_width, unidentified_values
+from sysid.results.headline import LoadsAnswer, answer_words, loads_answer
+from sysid.results.judgement import in_words, judge, relative_half_width
+from sysid.results.next_steps import next_steps
 
 Tone = Literal["good", "caution", "stop"]
 
@@ -27,7 +27,7 @@ class Verdict:
     """What the first screen says.
 
     Badge, answer in a word or two, the sentences for it, the first of which decides, `notes` on what else to know,
-    `loads` on how far predicted loads can be trusted (empty if nothing is against them), all further `cautions`, each
+    `loads` on whether predicted loads may be used (None before any), all further `cautions`, each
     once, and the steps that would help, the next one first; `what` says the numbers in sentences.
     """
 
@@ -38,7 +38,7 @@ class Verdict:
     what: tuple[str, ...]
     use: tuple[str, ...]
     notes: tuple[str, ...]
-    loads: str
+    loads: LoadsAnswer | None
     cautions: tuple[str, ...]
     todo: tuple[str, ...]
     synthetic: bool
@@ -55,22 +55,10 @@ def verdict(results: Results) -> Verdict:
         what=tuple(_what(results)),
         use=judgement.reasons,
         notes=judgement.notes,
-        loads=_loads(results),
+        loads=loads_answer(results, judgement),
         cautions=_cautions(results, judgement),
-        todo=tuple(map(in_words, _todo(results, judgement))),
+        todo=next_steps(results, judgement),
         synthetic=results.campaign.details.synthetic,
-    )
-
-
-def _loads(results: Results) -> str:
-    passes = () if results.predictions is None else results.predictions.passes
-    beyond = sum(bool(p.trust) for p in passes)
-    if not beyond:
-        return ""
-    verb = "goes" if beyond == 1 else "go"
-    return (
-        f"Loads: {beyond} of {count(len(passes), 'predicted pass', 'predicted passes')} {verb} beyond what the driven "
-        "runs reached; loads marked * are extrapolations."
     )
 
 
@@ -146,61 +134,6 @@ def _wheel_loads(results: Results) -> list[str]:
             + (": an extrapolation, see the caution." if any(e.axle == axle for e in p.trust) else ".")
         )
     return sentences
-
-
-def _todo(results: Results, judgement: Judgement) -> list[str]:
-    steps = []
-    if results.fit is None:
-        steps.append("Run the stage 'fit': it corrects the drop values with the full vehicle model and the bump runs.")
-    elif results.status == "preview":
-        steps.append("Run again without --quick before you use these numbers.")
-    elif not results.fit.converged:
-        steps.append(
-            "Do what the other warnings say. Declare the travel of suspensions that may reach their stops, or give a "
-            "prior to a parameter that is not determined; then fit again."
-        )
-    elif results.posterior is None:
-        steps.append(
-            "Run the stage 'sample': its intervals also hold combinations of parameters that the data cannot separate."
-        )
-    elif results.status == "not_converged":
-        steps.append(
-            "Run the stage 'sample' again with --resume and a larger --max-steps: it continues where it stopped."
-        )
-    if results.quality is not None:
-        rejected = [f"{c.column} of {c.file}" for c in results.quality.channels if c.verdict == "rejected"]
-        if rejected:
-            steps.append(f"Check the sensors of {count(len(rejected), 'rejected channel')}: {listing(rejected, 4)}.")
-    if unidentified := unidentified_values(results):
-        steps.append(f"Add runs at another speed or load to identify {listing(unidentified)}.")
-    advice = " ".join(results.advice.statements[:2]) if results.advice is not None else ""
-    if unidentified:
-        steps.append(advice or "Run the stage 'advise': it says which further run or sensor would help most.")
-    steps += pass_limits.remedies(results)
-    if results.fit is not None and results.predictions is None and results.campaign.predictions:
-        steps.append("Run the stage 'predict' for the axle loads of the passes in the campaign file.")
-    if results.status == "converged" and results.posterior is not None and not judgement.forbids:
-        passes = results.predictions is not None and results.predictions.passes
-        steps.append(
-            "Take k and c from parameters.csv"
-            + (" and axle-load histories from predictions/*.csv" if passes else "")
-            + "; they are the numbers of this report."
-        )
-    if advice and not unidentified:
-        steps.append(advice)
-    if axles := _axles_without_drops(results):
-        steps.append(
-            f"For {listing(axles)} no drop gives a decrement; repeat the drops towed and with the engine off, or rely "
-            "on the fitted values."
-        )
-    return steps
-
-
-def _axles_without_drops(results: Results) -> list[str]:
-    if results.drops is None:
-        return []
-    pooled = [e for e in results.drops.pooled if e.method == "paper"]
-    return [f"axle {e.axle + 1}" for e in pooled if not e.usable]
 
 
 def _range(values: list[float]) -> str:

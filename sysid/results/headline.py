@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid.display import NOT_DETERMINED
 from sysid.estimates.suspension_values import AxleEstimates, Estimate
-from sysid.numbers import MISSING, decimals, fixed, speed
+from sysid.numbers import MISSING, decimals, fixed, listing, speed
 from sysid.results.contents import Judgement, Results, Trust
 from sysid.results.pass_limits import pass_name
 
@@ -139,22 +139,83 @@ def static_loads_N(results: Results, sweep: SpeedSweep) -> np.ndarray:
     return results.campaign.vehicle.gravity_m_s2 * np.asarray(kilograms, dtype=float)
 
 
+@dataclass(frozen=True)
+class LoadAtSpeed:
+    """The largest load of an axle (index) [N] at any speed that was computed, in which load case and at which speed."""
+
+    axle: int
+    peak_N: float
+    load_case: str
+    speed_m_s: float
+    beyond: bool
+
+
+def largest_at_any_speed(results: Results) -> tuple[LoadAtSpeed, ...]:
+    """Of every axle the largest load over the computed speeds of all load cases; none before sweeps."""
+    sweeps = () if results.predictions is None else results.predictions.sweeps
+    found: list[tuple[LoadAtSpeed, ...]] = []
+    for sweep in sweeps:
+        loads = np.nan_to_num(static_loads_N(results, sweep) * sweep.peak_ratio.q50, nan=0.0, posinf=0.0)
+        found.append(
+            tuple(
+                LoadAtSpeed(
+                    axle,
+                    float(loads[k, axle]),
+                    sweep.load_case,
+                    float(sweep.speed_m_s[k]),
+                    bool(sweep.extrapolated[k]) or (sweep.beyond is not None and bool(sweep.beyond[k, axle])),
+                )
+                for axle, k in enumerate(loads.argmax(axis=0))
+            )
+        )
+    return tuple(max(of_axle, key=lambda load: load.peak_N) for of_axle in zip(*found, strict=True))
+
+
 def higher_elsewhere(results: Results) -> str:
     """A sentence where an axle carries more at another speed than in any of the predicted passes; else empty."""
-    known = largest_loads(results)
-    if not known or results.predictions is None:
+    known, anywhere = largest_loads(results), largest_at_any_speed(results)
+    if not known or not anywhere:
         return ""
-    found = []
-    for sweep in results.predictions.sweeps:
-        loads = np.nan_to_num(static_loads_N(results, sweep) * sweep.peak_ratio.q50, nan=0.0, posinf=0.0)
-        k, axle = map(int, np.unravel_index(np.argmax(loads), loads.shape))
-        beyond = bool(sweep.extrapolated[k]) or (sweep.beyond is not None and bool(sweep.beyond[k, axle]))
-        found.append((float(loads[k, axle]), axle, sweep.load_case, float(sweep.speed_m_s[k]), beyond))
-    highest, i, case, at_m_s, beyond = max(found, default=(0.0, 0, "", 0.0, False))
-    if highest <= _HIGHER * max(load.peak_N for load in known):
+    most = max(anywhere, key=lambda load: load.peak_N)
+    if most.peak_N <= _HIGHER * max(load.peak_N for load in known):
         return ""
-    so = ", an extrapolation" if beyond else ""
+    so = ", an extrapolation" if most.beyond else ""
     return (
-        f"Loads are higher at other speeds: up to {fixed(highest / 1e3, 0)} kN on axle {i + 1} "
-        f"({case}, {speed(at_m_s)} km/h{so})."
+        f"Loads are higher at other speeds: up to {fixed(most.peak_N / 1e3, 0)} kN on axle {most.axle + 1} "
+        f"({most.load_case}, {speed(most.speed_m_s)} km/h{so})."
     )
+
+
+@dataclass(frozen=True)
+class LoadsAnswer:
+    """Whether predicted axle loads may be used, in a few words, and the sentences for it."""
+
+    words: str
+    sentences: str
+
+
+def loads_answer(results: Results, judgement: Judgement) -> LoadsAnswer | None:
+    """The answer for the loads of predicted passes; None before any."""
+    passes = () if results.predictions is None else results.predictions.passes
+    if not passes:
+        return None
+    beyond = sum(bool(p.trust) for p in passes)
+    if judgement.trust not in ("use", "use_within") or results.status == "preview" or not beyond:
+        return LoadsAnswer(answer_words(results, judgement), "")
+    words = "As extrapolations only" if beyond == len(passes) else "Yes, but for those marked *"
+    return LoadsAnswer(
+        words,
+        f"{_driven(results)} Loads marked * go beyond; their ± leaves out the error of extrapolating.",
+    )
+
+
+def _driven(results: Results) -> str:
+    """The speeds of the runs of every load case, in a sentence."""
+    speeds: dict[str, list[float]] = {}
+    for run in results.campaign.bump_runs:
+        speeds.setdefault(run.load_case, []).append(run.nominal_speed_m_s)
+    ranges = [
+        f"{case} {' to '.join(dict.fromkeys(speed(v) for v in (min(of_case), max(of_case))))} km/h"
+        for case, of_case in speeds.items()
+    ]
+    return f"Driven: {listing(ranges)}."

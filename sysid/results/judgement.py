@@ -52,7 +52,7 @@ def judge(results: Results) -> Judgement:
     found = list(dict.fromkeys(reason for _, reasons in levels for reason in reasons))
     trust: Trust = next((level for level, reasons in levels if reasons), "use")
     if not found:
-        found = [Reason("none", "The calibration has converged, and parts of the data agree about k and c.")]
+        found = [Reason("none", "The calibration has converged, and separate parts of the data give the same k and c.")]
     return Judgement(trust, tuple(in_words(r.sentence) for r in found), tuple(r.kind for r in found), notes)
 
 

@@ -26,6 +26,7 @@ from sysid.cli.progress import StageProgress, TimeLeft, time_words
 from sysid.cli.tables import render, short_names, show_command
 from sysid.display import TextTable
 from sysid.prediction.quantiles import Quantiles
+from sysid.report.verdict import verdict
 from sysid.results import Results
 from sysid.workflow.stages.data import quality_blocks
 
@@ -171,6 +172,9 @@ def test_the_answer_has_k_c_peak_load_verdict_report_and_next_command() -> None:
     flat = replace(sweep, peak_ratio=Quantiles(None, np.ones_like(sweep.peak_ratio.q50), None))
     assert "higher at other" not in answer(replace(results, predictions=replace(results.predictions, sweeps=(flat,))))
     assert "Can you use k and c?" in text
+    assert "Can you use the axle loads?" in text
+    # The step is the report's.
+    assert verdict(results).todo[0] in " ".join(text.split())
     assert "out/report.html" in text.replace("\\", "/")
     assert "calibrate.py" in text.splitlines()[-1]
 

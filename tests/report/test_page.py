@@ -175,11 +175,17 @@ def test_the_truck_carries_k_c_static_and_peak_load_of_every_axle(full_text):
     truck = re.search('<figure class="wide truck">.*?</svg>', full_text, re.DOTALL)[0]
     written = re.findall("<text[^>]*>([^<]*)</text>", truck)
     for load in largest_loads(results):
-        assert f"{load.static_N / 1e3:.1f}" in written
+        assert f"{load.static_N / 1e3:.1f} ({100.0 * load.ratio:.0f} %)" in written
         shown = [float(re.match(r"[\d.]+", t)[0]) for t in written if "\N{PLUS-MINUS SIGN}" in t]
         assert any(abs(v - load.peak_N / 1e3) < 0.006 * v for v in shown)
     for s in results.posterior.summaries[:1]:
         assert any(t.startswith(f"{s.q50 / 1e3:.0f} \N{PLUS-MINUS SIGN}") for t in written)
+    # The largest of all speeds, by the sweep itself.
+    (sweep,) = results.predictions.sweeps
+    mass = np.array(results.campaign.load_cases[sweep.load_case].axle_loads_kg)
+    highest = (sweep.peak_ratio.q50 * mass * results.campaign.vehicle.gravity_m_s2 / 1e3).max(axis=0)
+    for value in highest:
+        assert any(t.startswith(f"{value:.0f}") and "km/h" in t for t in written)
     label = re.search('aria-label="([^"]*)"', truck[truck.index("<svg") :])[1]
     assert "peak load [kN]: axle 1" in label
 

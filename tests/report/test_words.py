@@ -277,8 +277,14 @@ def test_what_a_pass_goes_beyond_is_said_once_with_its_axles():
     v = verdict(replace(results, predictions=replace(results.predictions, passes=(changed,))))
     assert v.answer == "Yes"
     (said,) = v.notes
-    assert v.loads.startswith("Loads: 1 of 1 predicted pass goes beyond")
-    assert verdict(results).loads == ""
+    assert v.loads.words == "As extrapolations only"
+    run = results.campaign.bump_runs[0]
+    assert v.loads.sentences.startswith(f"Driven: {run.load_case} {3.6 * run.nominal_speed_m_s:.0f}")
+    assert (verdict(results).loads.words, verdict(results).loads.sentences) == ("Yes", "")
+    both = replace(results.predictions, passes=(one, changed))
+    assert verdict(replace(results, predictions=both)).loads.words == "Yes, but for those marked *"
+    preview = replace(results, status="preview", judgement=None, predictions=both)
+    assert verdict(preview).loads.words == "Not for decisions"
     assert "(empty, 48\u00a0km/h: speed, suspension travel of axle 1 and damper speed of every axle)" in said
     assert any("nearer to the extrapolated passes" in s for s in v.todo)
 
