@@ -146,7 +146,7 @@ def _verdict(page: _Page, results: Results, name: _Unseen) -> None:
         reasons.append(f"{count(more, 'more reason')} in the report.")
     if said.loads:
         answer = f"Can the axle loads be used? {said.loads.words}. {said.loads.sentences}"
-        reasons += textwrap.wrap(answer, 118)
+        reasons += textwrap.wrap(name(answer, 600), 118)
     height = 0.42 + 0.145 * len(reasons)
     ax = page.axes(_SIDE, _WITHIN, height)
     ax.set_axis_off()
