@@ -29,6 +29,7 @@ from sysid.workflow.stage_folder import SUCCESS_MARKER, StageFolder, dependents
 from sysid.workflow.stages.fit import fit_state
 
 if TYPE_CHECKING:
+    from sysid.balance.records import ForceBalance
     from sysid.estimates.calibrated_elements import CalibratedVehicle
     from sysid.estimates.records import Estimates
     from sysid.estimation.fit.fit_result import FitResult
@@ -216,6 +217,10 @@ class Calibration:
     def drops(self) -> DropSummary:
         """Stiffness and damping of every axle from its plank drops."""
         return self.result(stages.DROPS)
+
+    def balance(self) -> ForceBalance:
+        """Stiffness and damping by the balance of forces, and axle loads, tires and roads of road drives."""
+        return self.result(stages.BALANCE)
 
     def scan(self) -> Mapping[str, ScanAnalysis]:
         """Road profile of every bump."""

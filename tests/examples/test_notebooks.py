@@ -14,7 +14,7 @@ from nbclient import NotebookClient
 ROOT = Path(__file__).resolve().parents[2]
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 #: Figures that a notebook shows at least.
-FIGURES = {"0": 4, "1": 1, "2": 5, "3": 4, "4": 4, "5": 1, "6": 2}
+FIGURES = {"0": 4, "1": 1, "2": 5, "3": 4, "4": 4, "5": 1, "6": 2, "7": 1}
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def test_there_are_notebooks():
 #: Notebooks that take minutes.
 LONG = ("6",)
 #: Notebooks that are shown with their outputs.
-STORED = ("1", "2", "3", "4")
+STORED = ("1", "2", "3", "4", "7")
 
 
 @pytest.mark.parametrize("path", [n for n in NOTEBOOKS if n.name[0] in STORED], ids=lambda p: p.stem)
