@@ -23,17 +23,37 @@ def campaign(listed=LISTED) -> Campaign:
                     runs, {}, (), {})  # fmt: skip
 
 
-def check(monkeypatch, under: dict[str, list[float]], listed=LISTED) -> None:
-    """Check with given misfits of the runs under each load case, and of the list as it stands."""
+def check(monkeypatch, under: dict[str, list[float]], listed=LISTED, left=None) -> None:
+    """Check with given misfits of the runs under each load case, and of the list as it stands.
+
+    `left` are those after a fit of the exchanged list and of the list as it stands: by default as before it.
+    """
     given = campaign(listed)
     own = np.array([under[case][i] for i, case in enumerate(listed)])
     monkeypatch.setattr(load_case_check, "misfits", lambda model, *rest: own if model is None else np.array(model))
-    check_load_cases(given, None, None, None, None, lambda other: under[other.bump_runs[0].load_case])
+
+    def fitted(of: Campaign) -> np.ndarray:
+        as_listed = [r.load_case for r in of.bump_runs] == list(listed)
+        if left is not None:
+            return np.array(left[as_listed])
+        return np.array([under[r.load_case][i] for i, r in enumerate(of.bump_runs)])
+
+    check_load_cases(given, None, None, None, None, lambda other: under[other.bump_runs[0].load_case], fitted)
 
 
 def test_exchanged_load_cases_are_named(monkeypatch):
     with pytest.raises(DataRejectedError, match="'empty' as 'laden', those listed as 'laden' as 'empty'"):
         check(monkeypatch, {"empty": [10.0, 12.0, 7.0, 8.0], "laden": [7.0, 9.0, 10.0, 11.0]})
+
+
+def test_start_values_that_suit_the_wrong_list_accuse_nobody(monkeypatch):
+    before = {"empty": [10.0, 12.0, 7.0, 8.0], "laden": [7.0, 9.0, 10.0, 11.0]}
+    exchanged, listed = [3.0, 3.0, 4.0, 4.0], [1.0, 1.1, 1.0, 1.1]
+    check(monkeypatch, before, left=(exchanged, listed))
+    # One load case that says so is not enough.
+    check(monkeypatch, before, left=([1.0, 1.0, 1.1, 1.1], [3.0, 3.0, 1.1, 1.1]))
+    with pytest.raises(DataRejectedError, match="exchanged"):
+        check(monkeypatch, before, left=(listed, exchanged))
 
 
 @pytest.mark.parametrize(

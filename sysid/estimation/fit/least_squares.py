@@ -13,7 +13,7 @@ from sysid.errors import DataRejectedError
 from sysid.estimation.fit.evaluation import evaluate_optimum
 from sysid.estimation.fit.fit_result import FitResult
 from sysid.estimation.fit.joint_optimum import joint_optimum
-from sysid.estimation.fit.load_case_check import check_load_cases
+from sysid.estimation.fit.load_case_check import check_load_cases, misfits
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions, Phase
 from sysid.estimation.fit.reweighted_search import continued, instrument_noise, optimise_from
@@ -98,7 +98,13 @@ def optimise(
     if near is None:
         model, start, weights, damping = prepared(None), parameters.start, None, None
         motion, instrument = _find_motion(campaign, model, start, report)
-        check_load_cases(campaign, model, motion, start, instrument, lambda other: prepared(None, other))
+
+        def fitted(of: Campaign) -> np.ndarray:
+            found = optimise_from(of, prepared(None, of), motion, instrument, start, phases.first, report)
+            values, moved = found.problem.unpack(found.vector)
+            return misfits(found.problem.model, moved, values, instrument)
+
+        check_load_cases(campaign, model, motion, start, instrument, partial(prepared, None), fitted)
     else:
         model, start, weights = prepared(near.problem.model.tires), _start_from(parameters, near), near.problem.weights
         instrument, (_, motion) = near.instrument, near.problem.unpack(near.vector)

@@ -29,13 +29,17 @@ def check_load_cases(
     log_parameters: Parameters,
     noise_sd: tuple[RunsByChannels, ...],
     prepared: Callable[[Campaign], BumpModel],
+    fitted: Callable[[Campaign], np.ndarray],
 ) -> None:
-    """Refuse a list of runs if another load case explains all of them better, before anything is fitted.
+    """Refuse a list of runs if another load case explains all of them better, at the start values and after a fit.
+
+    Start values far from the truck's may suit the wrong list: both are fitted then, and what is left decides.
 
     Parameters
     ----------
     motion : speed and start of every run, as found under the listed load cases.
     prepared : the model of the campaign with another list of runs.
+    fitted : misfits (runs,) after a fit of the campaign with another list of runs.
 
     Raises
     ------
@@ -59,9 +63,17 @@ def check_load_cases(
                 fits_better[case] = other
     if len(fits_better) < len(used):
         return
+    exchanged = tuple(replace(r, load_case=fits_better[r.load_case]) for r in campaign.bump_runs)
+    try:
+        left = np.log(fitted(replace(campaign, bump_runs=exchanged)) / fitted(campaign))
+    except DataRejectedError:
+        # Nothing can be said of a list that cannot be fitted.
+        return
+    if any(np.mean(left[[name == case for name in of_run]]) > np.log(CLEARLY) for case in used):
+        return
     pairs = ", ".join(f"those listed as '{case}' as '{other}'" for case, other in fits_better.items())
     raise DataRejectedError(
-        f"Before the fit, the bump runs of every load case suit another one better, {pairs}: the load cases "
+        f"The bump runs of every load case suit another one better, {pairs}: the load cases "
         "are probably exchanged in [tests], or their axle loads and masses in [load_case]."
     )
 
