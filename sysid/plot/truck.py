@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _FRONT, _REAR, _DECK, _FRAME, _CAB, _ROOF, _LOAD = 1.3, 1.1, 1.25, 0.24, 1.9, 2.9, 2.4
 _PALE, _STEEL = "#eef2f6", "#9aa5b1"
 #: Width of the figure, of the heads of the rows, and height of a row [in].
-_WIDTH, _HEADS, _ROW = 11.4, 0.95, 0.2
+_WIDTH, _HEADS, _ROW = 11.4, 1.15, 0.2
 #: Between the road and the rows [in].
 _GAP = 0.38
 

@@ -28,8 +28,13 @@ def answer_table(results: Results) -> Table | None:
     loads = {load.axle: load for load in largest_loads(results)}
     rows = []
     for row, pair in zip(of_axles, pairs, strict=True):
-        # The load of an axle stands in its first row.
-        load = loads.pop(row.axle, None)
+        # The load of an axle stands in the row of its load case, or in the first.
+        load = loads.get(row.axle)
+        others = {r.load_case for r in of_axles if r.axle == row.axle}
+        if load and load.load_case in others - {row.load_case}:
+            load = None
+        elif load:
+            del loads[row.axle]
         peak = [] if results.predictions is None else [Cell("") if load is None else _peak(load)]
         rows.append([axle_name(results, row.axle, row.load_case), *(_cell(e) for e in pair), *peak])
     caption = f"Per axle, both sides together; brackets: {listing(list(kinds))}"

@@ -57,12 +57,15 @@ def truck_rows(results: Results) -> TruckRows:
     anywhere = largest_at_any_speed(results)
     if loads:
         rows += [
-            ("peak load [kN]", [_peak(load) for load in loads]),
-            ("in", [load.pass_name for load in loads]),
-            ("static there", [f"{fixed(load.static_N / 1e3, 1)} ({fixed(100.0 * load.ratio, 0)} %)" for load in loads]),
+            ("peak in pass [kN]", [_peak(load) for load in loads]),
+            ("pass", [load.pass_name for load in loads]),
+            (
+                "static there [kN]",
+                [f"{fixed(load.static_N / 1e3, 1)} ({fixed(100.0 * load.ratio, 0)} %)" for load in loads],
+            ),
         ]
         if anywhere:
-            rows.append((f"to {_fastest(results)} km/h [kN]", [_at_speed(load) for load in anywhere]))
+            rows.append((f"peak to {_fastest(results)} km/h [kN]", [_at_speed(load) for load in anywhere]))
     else:
         case = next(iter(results.campaign.load_cases.values()))
         gravity = results.campaign.vehicle.gravity_m_s2
@@ -77,8 +80,8 @@ def truck_rows(results: Results) -> TruckRows:
     if loads and results.predictions is not None:
         passes = count(len(results.predictions.passes), "predicted pass", "predicted passes")
         caption += (
-            f" Peak load: the largest of {passes} over the bump, and in which; static there: the load at rest in that "
-            "load case, and peak over it."
+            f" Peak in pass: the largest of {passes} over the bump, and in which; static there: the load at rest in "
+            "that load case, and peak over it."
         )
         if anywhere:
             caption += f" Last row: the largest at any speed to {_fastest(results)} km/h; shaded: the largest of all."

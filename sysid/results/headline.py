@@ -99,6 +99,7 @@ class PeakLoad:
     """
 
     axle: int
+    load_case: str
     pass_name: str
     static_N: float
     ratio: float
@@ -121,7 +122,7 @@ def peak_loads(p: PassPrediction) -> tuple[PeakLoad, ...]:
         static = float(p.static_load_N[i])
         low, high = (None if q is None else static * float(q[i]) for q in (p.peak_ratio_q05, p.peak_ratio_q95))
         ratio = float(p.peak_ratio_q50[i])
-        return PeakLoad(i, pass_name(p), static, ratio, low, high, bool(p.lift_off[i]), i in beyond)
+        return PeakLoad(i, p.load_case, pass_name(p), static, ratio, low, high, bool(p.lift_off[i]), i in beyond)
 
     return tuple(of_axle(i) for i in range(len(p.static_load_N)))
 

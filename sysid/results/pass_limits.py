@@ -71,11 +71,8 @@ def remedies(results: Results) -> list[str]:
     if results.predictions is None:
         return []
     steps = []
-    if any(p.trust for p in results.predictions.passes):
-        steps.append(
-            "Drive a run that comes nearer to the extrapolated passes (faster, or in their load case) if their axle "
-            "loads matter."
-        )
+    if beyond := [pass_name(p) for p in results.predictions.passes if p.trust]:
+        steps.append(f"Drive nearer to {listing(beyond, 3)} if axle loads there matter: now they are extrapolations.")
     if unknown := undeclared_travel(results):
         steps.append(
             f"Declare jounce_travel_m and rebound_travel_m of {_listed(results, unknown)}: bump stops then act there, "

@@ -187,7 +187,7 @@ def test_the_truck_carries_k_c_static_and_peak_load_of_every_axle(full_text):
     for value in highest:
         assert any(t.startswith(f"{value:.0f}") and "km/h" in t for t in written)
     label = re.search('aria-label="([^"]*)"', truck[truck.index("<svg") :])[1]
-    assert "peak load [kN]: axle 1" in label
+    assert "peak in pass [kN]: axle 1" in label
 
 
 def test_the_worst_channel_is_the_one_with_the_largest_residual_over_noise():

@@ -90,7 +90,11 @@ def test_a_peak_load_names_its_pass_because_its_row_may_be_of_another_load_case(
     # 3.6 x 29.43 kN, and a wheel that lifts off as none did.
     assert (rear[3].text, rear[3].note) == ("106*", "empty, 48\u00a0km/h, 29.4 static")
     assert "*" not in front[3].text
-    assert made.caption.endswith("* an extrapolation beyond the driven runs")
+    assert "* an extrapolation beyond the driven runs. Loads are higher at other speeds" in made.caption
+    # Each load stands once, in the row of its load case where the axle has one.
+    assert all(sum(row[0].text == f"axle {i}" and row[3].text != "" for row in made.rows) == 1 for i in (1, 2))
+    (of_case,) = (row for row in made.rows if row[0].text == "axle 2" and row[3].text)
+    assert "empty" in of_case[0].note or "laden" not in of_case[0].note
 
 
 def test_what_goes_beyond_the_driven_runs_stands_beside_what_was_driven():

@@ -61,7 +61,15 @@ def test_it_says_what_was_measured_what_came_out_and_which_result_it_is() -> Non
         assert words in text, words
     assert identity.run in text
     assert identity.result_sha256 in text
-    for row in ("k[kN/m]", "c[kNs/m]", "staticthere", "peakload[kN]", "measured", "simulated", "peakaxleload[kN]"):
+    for row in (
+        "k[kN/m]",
+        "c[kNs/m]",
+        "staticthere[kN]",
+        "peakinpass[kN]",
+        "measured",
+        "simulated",
+        "peakaxleload[kN]",
+    ):
         assert row in text, row
 
 
