@@ -107,7 +107,8 @@ def suspension_force(prediction: PassPrediction, axle: int, ax: Axes | None = No
 def axle_load_against_speed(sweep: SpeedSweep, static_load_N: np.ndarray, ax: Axes | None = None) -> Axes:
     """Peak load of every axle against speed [kN], with bands; shaded where runs of this load case were driven.
 
-    Open marks where tire deflection, travel or damper speed of the axle goes beyond what the driven runs reached.
+    Open marks where speed, tire deflection, travel or damper speed go beyond what the driven runs reached: the loads
+    that have a star elsewhere.
 
     Parameters
     ----------
@@ -117,7 +118,8 @@ def axle_load_against_speed(sweep: SpeedSweep, static_load_N: np.ndarray, ax: Ax
     kilonewtons = np.asarray(static_load_N) / 1e3
     if sweep.driven_m_s is not None:
         ax.axvspan(*(3.6 * v for v in sweep.driven_m_s), color=DRIVEN, alpha=0.16, lw=0, label="driven")
-    _draw_against_speed(sweep, kilonewtons, ax)
+    past = np.broadcast_to(sweep.extrapolated[:, None], sweep.peak_ratio.q50.shape)
+    _draw_against_speed(sweep, kilonewtons, ax, past if sweep.beyond is None else past | sweep.beyond)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel("peak axle load [kN]")
     ax.legend(loc="upper left", ncols=2)
@@ -135,15 +137,15 @@ def load_ratio_against_speed(sweep: SpeedSweep, ax: Axes | None = None) -> Axes:
     beyond = speed[0] if sweep.driven_m_s is None else 3.6 * sweep.driven_m_s[1]
     if beyond < speed[-1]:
         ax.axvspan(beyond, speed[-1], color=MUTED, alpha=0.12, lw=0, label="not driven")
-    _draw_against_speed(sweep, np.ones(sweep.peak_ratio.q50.shape[1]), ax)
+    _draw_against_speed(sweep, np.ones(sweep.peak_ratio.q50.shape[1]), ax, sweep.beyond)
     ax.axhline(1.0, color=MUTED, lw=0.8, ls=":")
     ax.set_ylabel("peak dynamic / static load [-]")
     ax.legend(loc="upper left")
     return ax
 
 
-def _draw_against_speed(sweep: SpeedSweep, unit: np.ndarray, ax: Axes) -> None:
-    """Peak ratio of every axle times its `unit` (axles,), with its band where there is one."""
+def _draw_against_speed(sweep: SpeedSweep, unit: np.ndarray, ax: Axes, beyond: np.ndarray | None) -> None:
+    """Peak ratio of every axle times its `unit` (axles,), with its band where there is one; open marks `beyond`."""
     speed, ratio = 3.6 * sweep.speed_m_s, sweep.peak_ratio
     for axle, factor in enumerate(unit):
         color = axle_color(axle)
@@ -152,9 +154,9 @@ def _draw_against_speed(sweep: SpeedSweep, unit: np.ndarray, ax: Axes) -> None:
             ax.fill_between(speed, low, high, color=color, alpha=0.3, lw=0)
         middle = factor * ratio.q50[:, axle]
         ax.plot(speed, middle, color=color, marker="o", ms=3, label=f"axle {axle + 1}")
-        if sweep.beyond is not None:
-            past = sweep.beyond[:, axle]
+        if beyond is not None:
+            past = beyond[:, axle]
             ax.plot(speed[past], middle[past], ls="", marker="o", ms=3, color=color, mfc="white")
-    if sweep.beyond is not None and sweep.beyond.any():
+    if beyond is not None and beyond.any():
         ax.plot([], [], ls="", marker="o", ms=3, color=MUTED, mfc="white", label="beyond the driven runs")
     ax.set_xlabel("speed [km/h]")

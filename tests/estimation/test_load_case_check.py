@@ -73,3 +73,10 @@ def test_right_lists_and_mixed_evidence_pass(monkeypatch, under):
 
 def test_one_load_case_cannot_be_exchanged(monkeypatch):
     check(monkeypatch, {"empty": [10.0, 1.0]}, ("empty", "empty"))
+
+
+def test_two_of_three_load_cases_are_exchanged(monkeypatch):
+    listed = ("empty", "half", "laden")
+    under = {"empty": [9.0, 2.0, 30.0], "half": [2.0, 9.0, 20.0], "laden": [40.0, 30.0, 2.0]}
+    with pytest.raises(DataRejectedError, match="'empty' as 'half', those listed as 'half' as 'empty'"):
+        check(monkeypatch, under, listed)

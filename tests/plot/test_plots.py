@@ -264,6 +264,12 @@ def test_axle_loads_against_speed_are_ratios_times_static_loads_and_driven_speed
         np.testing.assert_allclose(curve.get_ydata(), sweep.peak_ratio.q50[:, axle] * static[axle] / 1e3)
     (shaded,) = [p for p in ax.patches if p.get_label() == "driven"]
     assert (shaded.get_x(), shaded.get_x() + shaded.get_width()) == pytest.approx([3.6 * v for v in sweep.driven_m_s])
+    # As the star of a load: faster than any run is beyond, whatever the axle reaches.
+    faster = 3.6 * sweep.speed_m_s[sweep.speed_m_s > 1.2 * sweep.driven_m_s[1]]
+    open_marks = [line for line in ax.lines if line.get_markerfacecolor() == "white" and len(line.get_xdata())]
+    assert faster.size > 0
+    assert len(open_marks) == len(static)
+    assert all(np.isin(faster, line.get_xdata()).all() for line in open_marks)
 
 
 def test_the_truck_stands_to_scale_and_a_row_has_one_text_per_axle(results):

@@ -17,7 +17,7 @@ from sysid.estimation.fit.load_case_check import check_load_cases, misfits
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.options import FitOptions, Phase
 from sysid.estimation.fit.reweighted_search import continued, instrument_noise, optimise_from
-from sysid.estimation.fit.search_plan import Plan, exact
+from sysid.estimation.fit.search_plan import Plan, exact, glance
 from sysid.estimation.fit.start_search import search_motion
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.map_tires import map_tires
@@ -100,7 +100,7 @@ def optimise(
         motion, instrument = _find_motion(campaign, model, start, report)
 
         def fitted(of: Campaign) -> np.ndarray:
-            found = optimise_from(of, prepared(None, of), motion, instrument, start, phases.first, report)
+            found = optimise_from(of, prepared(None, of), motion, instrument, start, glance(options), report)
             values, moved = found.problem.unpack(found.vector)
             return misfits(found.problem.model, moved, values, instrument)
 

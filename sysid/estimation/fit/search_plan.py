@@ -20,6 +20,8 @@ _MAPS = 4
 _MAPS_TOLERANCE, _MAPS_ITERATIONS = 1e-5, 8
 #: Laws that do not suit a truck are not fitted to the end: the expected gain of richer ones is known long before.
 _SIGHT_TOLERANCE, _SIGHT_ITERATIONS = 1e-3, 15
+#: Two lists of runs are told apart long before.
+_GLANCE_ITERATIONS = 6
 #: Trials of laws are compared by costs that end here, or roughly where the result is clear.
 _TRIAL_TOLERANCE, _ROUGH_TOLERANCE = 1e-6, 1e-3
 #: Iterations after which the fit ends with which trials are compared. Parameters about which the data say little move
@@ -70,6 +72,13 @@ def first_sight(options: FitOptions, near: bool) -> SearchPlan:
         weight_rounds=1, tolerance=_SIGHT_TOLERANCE, max_iterations=_SIGHT_ITERATIONS, larger_steps=True
     )
     return SearchPlan(first, 0 if near or not _follows(options) else 1)
+
+
+def glance(options: FitOptions) -> Phase:
+    """Enough to see which of two lists of runs suits the truck."""
+    return options.phase(
+        weight_rounds=0, tolerance=_SIGHT_TOLERANCE, max_iterations=_GLANCE_ITERATIONS, larger_steps=True
+    )
 
 
 def base(options: FitOptions, near: bool) -> SearchPlan:
