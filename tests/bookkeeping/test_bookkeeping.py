@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
+from split_cases import first_then_long
 
 from sysid.bookkeeping import check, check_bookkeeping, wheels
 from sysid.bookkeeping.wheels import hop_frequency
@@ -276,7 +277,7 @@ def test_all_masses_in_pounds_show_in_the_hop_of_the_wheels() -> None:
     assert "hop at" in text
 
 
-@pytest.mark.parametrize("factor", [0.5, 0.25, 1e-3])
+@pytest.mark.parametrize("factor", first_then_long(0.5, 0.25, 1e-3))
 def test_stiffness_of_one_tire_is_named(factor: float) -> None:
     soft = with_axles(truck(), lambda i, a: replace(a, tire_stiffness_N_per_m=factor * a.tire_stiffness_N_per_m))
     assert "tire_stiffness_N_per_m" in said(soft)
@@ -303,7 +304,7 @@ def test_tires_that_are_too_soft_for_their_pressure_are_named_with_it() -> None:
     )
 
 
-@pytest.mark.parametrize("factor", [0.9, 1.1, 1.2])
+@pytest.mark.parametrize("factor", first_then_long(0.9, 1.1, 1.2))
 @pytest.mark.parametrize("column", ["lvdt4_mm", "frame4_accel_g", "axle4_accel_g"])
 def test_a_gain_is_named_with_its_size(column: str, factor: float) -> None:
     text = said(with_channel(truck(), column, lambda y: factor * y))
@@ -312,7 +313,7 @@ def test_a_gain_is_named_with_its_size(column: str, factor: float) -> None:
     assert text.count(" times what ") == 1
 
 
-@pytest.mark.parametrize("samples", [1, 4, 20])
+@pytest.mark.parametrize("samples", first_then_long(1, 4, 20))
 @pytest.mark.parametrize("column", ["lvdt2_mm", "frame2_accel_g", "axle2_accel_g"])
 def test_a_lag_is_named_with_its_size(column: str, samples: int) -> None:
     def late(y: np.ndarray) -> np.ndarray:
@@ -440,14 +441,14 @@ def test_a_plank_is_as_high_as_it_is_for_wheels_that_bridge_its_edges() -> None:
     assert found.left < wheels.HOPELESS
 
 
-@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("factor", first_then_long(0.5, 2.0))
 def test_a_scan_of_another_height_is_named(factor: float) -> None:
     scans = {n: replace(s, points_m=s.points_m * [1.0, 1.0, factor]) for n, s in truck().scans.items()}
     (found,) = re.findall(r"would have to be (\S+) times as high", said(replace(truck(), scans=scans)))
     assert float(found) == pytest.approx(1 / factor, rel=0.1)
 
 
-@pytest.mark.parametrize("name", ["examples/linear_truck", "data"])
+@pytest.mark.parametrize("name", first_then_long("examples/linear_truck", "data"))
 def test_a_heading_off_by_half_a_turn_is_named(name: str) -> None:
     scans = {n: replace(s, heading_rad=s.heading_rad + np.pi) for n, s in truck(name).scans.items()}
     assert "off by 180 degrees" in said(replace(truck(name), scans=scans))
@@ -461,7 +462,7 @@ def test_a_scan_in_millimetres_is_left_out_with_its_unit() -> None:
     assert "looks like mm" in found.left_out[0]
 
 
-@pytest.mark.parametrize("name", ["examples/linear_truck", "data"])
+@pytest.mark.parametrize("name", first_then_long("data", "examples/linear_truck"))
 def test_drops_of_two_axles_exchanged_are_named(name: str) -> None:
     swap = {1: 2, 2: 1}
     drops = tuple(replace(d, axle=swap.get(d.axle, d.axle)) for d in truck(name).plank_drops)
@@ -479,7 +480,7 @@ def test_one_drop_of_another_axle_is_named() -> None:
     )
 
 
-@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("factor", first_then_long(0.5, 2.0))
 def test_another_plank_height_is_named(factor: float) -> None:
     drops = tuple(replace(d, plank_height_m=factor * d.plank_height_m) for d in truck().plank_drops)
     (height,) = re.findall(r"about (\S+) m is expected", said(replace(truck(), plank_drops=drops)))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fleet_results import write_fleet_results
+from split_cases import first_then_long
 
 from studies.damages.files import FILE_DAMAGES
 from studies.damages.forgeries import _LEAVES, _places, array_changed
@@ -79,7 +80,7 @@ def test_a_damaged_file(file: str, name: str, fleet: tuple[Path, Path]) -> None:
     looked_at(*fleet)
 
 
-@pytest.mark.parametrize("file", [OUTCOME_FILE, RESULT_FILE, RECORD_FILE])
+@pytest.mark.parametrize("file", first_then_long(RESULT_FILE, OUTCOME_FILE, RECORD_FILE))
 def test_values_of_another_type(file: str, fleet: tuple[Path, Path]) -> None:
     pytest.importorskip("pyarrow")
     path = campaign_output(fleet[1], CHANGED) / file

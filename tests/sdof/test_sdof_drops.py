@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from decay_oracles import damped_cosine, quarter_car_drop, quarter_car_with_quadratic_damping
+from split_cases import first_then_long
 
 from studies.plank_drops.motion import Fall, QuarterCar, deflection
 from sysid.campaign import (
@@ -61,7 +62,7 @@ def by_method(analysis):
 
 
 @pytest.mark.parametrize("roll_s", [0.0, 0.15])
-@pytest.mark.parametrize("share", [0.05, 0.2, 0.4])
+@pytest.mark.parametrize("share", first_then_long(0.2, 0.05, 0.4))
 @pytest.mark.parametrize("ratio", [0.06, 0.3])
 def test_correction_recovers_a_single_axle(share, ratio, roll_s):
     k = share * TIRE
@@ -78,7 +79,7 @@ def test_correction_recovers_a_single_axle(share, ratio, roll_s):
     assert found["paper"].damping < 0.95 * c
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", first_then_long(0, 1, 2))
 @pytest.mark.parametrize(("share", "ratio"), [(0.25, 0.12), (0.4, 0.25)])
 def test_noise_engine_and_offset_stay_within_the_errors(seed, share, ratio):
     k = share * TIRE
@@ -314,7 +315,7 @@ def test_friction_in_most_repeats_becomes_a_message():
     assert any("front steer" in m and "dry friction" in m for m in summary.messages)
 
 
-@pytest.mark.parametrize("ratio", [0.1, 0.25])
+@pytest.mark.parametrize("ratio", first_then_long(0.25, 0.1))
 def test_quadratic_damping_of_an_axle_on_its_tire(ratio):
     """Against a quarter car that SciPy integrates: the tire lets the body move further than the suspension."""
     on_tire = front_axle()
