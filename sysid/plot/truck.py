@@ -22,7 +22,7 @@ _PALE, _STEEL = "#eef2f6", "#9aa5b1"
 #: Width of the figure, of the heads of the rows, and height of a row [in].
 _WIDTH, _HEADS, _ROW = 11.4, 1.15, 0.2
 #: Between the road and the rows [in].
-_GAP = 0.38
+_GAP = 0.3
 
 
 @styled

@@ -106,7 +106,8 @@ def _fastest(results: Results) -> str:
 
 
 def _at_speed(load: LoadAtSpeed) -> str:
-    return f"{fixed(load.peak_N / 1e3, 0)}{'*' if load.beyond else ''} {load.load_case}, {speed(load.speed_m_s)} km/h"
+    value = fixed(load.peak_N / 1e3, 0) + ("*" if load.beyond else "")
+    return f"{value}\n{load.load_case}, {speed(load.speed_m_s)} km/h"
 
 
 def _per_axle(results: Results, rows: tuple[SuspensionRow, ...], quantity: str) -> list[str]:

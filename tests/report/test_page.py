@@ -185,7 +185,7 @@ def test_the_truck_carries_k_c_static_and_peak_load_of_every_axle(full_text):
     mass = np.array(results.campaign.load_cases[sweep.load_case].axle_loads_kg)
     highest = (sweep.peak_ratio.q50 * mass * results.campaign.vehicle.gravity_m_s2 / 1e3).max(axis=0)
     for value in highest:
-        assert any(t.startswith(f"{value:.0f}") and "km/h" in t for t in written)
+        assert f"{value:.0f}" in {t.rstrip("*") for t in written}
     label = re.search('aria-label="([^"]*)"', truck[truck.index("<svg") :])[1]
     assert "peak in pass [kN]: axle 1" in label
 
