@@ -41,6 +41,8 @@ STALE: dict[str, set[str]] = {
     "sampling.segment_steps": ON_SAMPLE,
     "sampling.adapting_steps": ON_SAMPLE,
     "sampling.start_inflation": ON_SAMPLE,
+    "sampling.importance_draws": ON_SAMPLE,
+    "sampling.importance_suffices": ON_SAMPLE,
     "sampling.seed": ON_SAMPLE,
     "sampling.preview": ON_SAMPLE,
     # A posterior is converged by these; a chain may go on with others.

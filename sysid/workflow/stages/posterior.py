@@ -128,6 +128,8 @@ SAMPLE = Whole(
             "segment_steps",
             "adapting_steps",
             "start_inflation",
+            "importance_draws",
+            "importance_suffices",
             "min_steps",
             "min_effective",
             "rhat_limit",
