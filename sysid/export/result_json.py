@@ -18,6 +18,7 @@ from sysid.results.contents import Results
 from sysid.sdof.drop_results import DropEstimate
 
 if TYPE_CHECKING:
+    from sysid.balance.records import BalanceEstimate
     from sysid.estimation.parameters.estimate import ParameterEstimate
     from sysid.estimation.uncertainty.identifiability import Identifiability
     from sysid.planning.advice_records import Prospect
@@ -153,6 +154,20 @@ def _drop(estimate: DropEstimate) -> dict[str, Any]:
     }
 
 
+def _balanced(e: BalanceEstimate) -> dict[str, Any]:
+    return {
+        "name": e.name,
+        "axle": _axle(e.axle),
+        "quantity": e.quantity,
+        "load_case": e.load_case,
+        "unit": e.unit,
+        "value": _number(e.value),
+        "q05": _number(e.low),
+        "q95": _number(e.high),
+        "determined": e.determined,
+    }
+
+
 def _balance(results: Results) -> dict[str, Any] | None:
     balance = results.balance
     if balance is None:
@@ -162,18 +177,7 @@ def _balance(results: Results) -> dict[str, Any] | None:
     beside = {} if results.fit is None else {d.name: d for d in disagreement(balance, results.fit)}
     return {
         "estimates": [
-            {
-                "name": e.name,
-                "axle": _axle(e.axle),
-                "quantity": e.quantity,
-                "load_case": e.load_case,
-                "unit": e.unit,
-                "value": _number(e.value),
-                "q05": _number(e.low),
-                "q95": _number(e.high),
-                "determined": e.determined,
-                "from_fit_in_sd": _number(beside[e.name].in_sd) if e.name in beside else None,
-            }
+            _balanced(e) | {"from_fit_in_sd": _number(beside[e.name].in_sd) if e.name in beside else None}
             for e in balance.estimates
         ],
         "logs": [
@@ -193,20 +197,7 @@ def _balance(results: Results) -> dict[str, Any] | None:
             for loads in balance.loads
             for i in range(len(loads.static_N))
         ],
-        "tires": [
-            {
-                "name": e.name,
-                "axle": _axle(e.axle),
-                "quantity": e.quantity,
-                "load_case": e.load_case,
-                "unit": e.unit,
-                "value": _number(e.value),
-                "q05": _number(e.low),
-                "q95": _number(e.high),
-                "determined": e.determined,
-            }
-            for e in balance.tires
-        ],
+        "tires": [_balanced(e) for e in balance.tires],
         "roads": [
             {
                 "file": r.file,

@@ -206,7 +206,7 @@ def loads_answer(results: Results, judgement: Judgement) -> LoadsAnswer | None:
     words = "As extrapolations only" if beyond == len(passes) else "Yes, but for those marked *"
     return LoadsAnswer(
         words,
-        f"{_driven(results)} Loads marked * go beyond; their ± leaves out the error of extrapolating.",
+        f"{_driven(results)} Loads marked * exceed these runs; their ± leaves out the error of extrapolating.",
     )
 
 

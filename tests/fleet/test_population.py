@@ -14,7 +14,7 @@ from sysid.fleet.draws import CampaignDraws, read_draws, thinned, write_draws
 from sysid.fleet.exchangeable import Population, Readings, evidence, pooled_populations, population
 from sysid.fleet.hierarchy import Hierarchy, HyperPriors, TypeData
 from sysid.fleet.likelihood import likelihood_of, sensitivity_to, without_shared
-from sysid.fleet.population import find_outliers, fit_population, stand_alone
+from sysid.fleet.population import find_outliers, fit_population, laplace, stand_alone
 from sysid.fleet.records import SharedError
 from sysid.fleet.weights import campaign_weights, log_ratios
 from sysid.posterior.options import SamplingOptions
@@ -504,3 +504,17 @@ def test_intervals_of_trucks_by_themselves_hold_the_scatter_of_repeats() -> None
     others = np.delete(added, 1, axis=0)
     assert np.all(others > 0.0)
     assert np.all(others.mean(axis=0) < added[1])
+
+
+def test_the_mode_is_found_where_logarithms_are_large_and_well_known() -> None:
+    """Sums over the campaigns are 3e14 about zero, where differences of a search would be rounding."""
+    random, trucks, sd = np.random.default_rng(8), 400, 1e-5
+    x = 13.0 + 0.05 * random.standard_normal((trucks, 1)) + sd * random.standard_normal((trucks, 1))
+    names = tuple(f"T{t}" for t in range(trucks))
+    precision = np.full((trucks, 1, 1), sd**-2.0)
+    data = TypeData(("k_1",), ("stiffness",), names, names, np.arange(trucks), precision, x / sd**2, np.array([12.9]))
+    model = Hierarchy(data, HyperPriors())
+    mode, covariance = laplace(model)
+    # Of readings far better known than they differ, the spread's likelihood is that of a normal sample.
+    assert np.exp(mode[0]) == pytest.approx(x.std(), rel=3e-3)
+    assert np.sqrt(covariance[0, 0]) == pytest.approx(1.0 / np.sqrt(2.0 * trucks), rel=0.02)

@@ -17,7 +17,7 @@ from sysid import plot
 from sysid.report import render_report, write_report
 from sysid.report.figures import Gallery
 from sysid.report.first_screen import worst_picture
-from sysid.results.headline import largest_loads
+from sysid.results.headline import largest_at_any_speed, largest_loads
 
 VOID = {"meta", "br", "link", "img", "input", "hr"}
 
@@ -188,6 +188,20 @@ def test_the_truck_carries_k_c_static_and_peak_load_of_every_axle(full_text):
         assert f"{value:.0f}" in {t.rstrip("*") for t in written}
     label = re.search('aria-label="([^"]*)"', truck[truck.index("<svg") :])[1]
     assert "peak in pass [kN]: axle 1" in label
+
+
+def test_the_largest_load_is_that_of_all_load_cases():
+    results = small_results()
+    (sweep,) = results.predictions.sweeps
+    case = next(name for name in results.campaign.load_cases if name != sweep.load_case)
+    mass = np.array(results.campaign.load_cases[sweep.load_case].axle_loads_kg)
+    other = np.array(results.campaign.load_cases[case].axle_loads_kg)
+    for factor, of in ((1.1, case), (0.9, sweep.load_case)):
+        ratio = factor * sweep.peak_ratio.q50 * mass / other
+        second = replace(sweep, load_case=case, peak_ratio=replace(sweep.peak_ratio, q50=ratio))
+        both = replace(results.predictions, sweeps=(sweep, second))
+        loads = largest_at_any_speed(replace(results, predictions=both))
+        assert [load.load_case for load in loads] == [of] * len(mass)
 
 
 def test_the_worst_channel_is_the_one_with_the_largest_residual_over_noise():
