@@ -13,7 +13,7 @@ from benchmarks.job_table import _ending, _stages
 from benchmarks.jobs import ROOT, proportional_bytes, resident_bytes, run, with_children
 from benchmarks.sampler_table import table
 from benchmarks.samplers import Counted, Target, measure
-from sysid.posterior.importance import DRAWS
+from sysid.posterior.options import SamplingOptions
 
 SD = np.array([1.0, 0.1, 3.0])
 
@@ -48,7 +48,7 @@ def test_ensembles_on_a_gaussian_converge_and_pay_for_all_walkers(name: str):
     steps = int(found.remark.split(" steps")[0].split()[-1])
     # Every step proposes for every walker; starts, one likelihood for its time and, in ours, an importance sample
     # come on top.
-    ahead = 5 * 64 + (DRAWS + 1 if name == "ours" else 0)
+    ahead = 5 * 64 + (SamplingOptions().importance_draws + 1 if name == "ours" else 0)
     assert 4 * walkers * steps <= found.likelihoods <= 4 * walkers * (steps + 2) + ahead
 
 

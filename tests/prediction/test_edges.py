@@ -115,7 +115,7 @@ def test_paths_of_wheels_that_links_lead():
     position = np.array([[[1.0, 0.0], [0.0, 1.0]]])
     matrices = SimpleNamespace(position=position, beams=None)
     none, some = np.zeros((1, 1, 1)), np.array([[[0.05]]])
-    driven = Driven(none, none, some, none, np.array([[[0.02], [0.01]]]))
+    driven = Driven(none, none, some, np.array([[[0.02], [0.01]]]))
 
     def path(trailing):
         group = VehicleGroup(lambda: None, np.zeros((1, 1)), None)
