@@ -136,7 +136,9 @@ def end_helper() -> None:
         helper.end()
 
 
-def shared_with_helper(function: Callable[[_Item], _Result], items: Iterable[_Item]) -> tuple[_Result, ...]:
+def shared_with_helper(
+    function: Callable[[_Item], _Result], items: Iterable[_Item], done: Callable[[float], None] = lambda share: None
+) -> tuple[_Result, ...]:
     """Results of a function for all items, in their order, some of them computed by the helper process if there is one.
 
     This process takes items from the front, the helper from the end.  What the helper fails to compute is computed
@@ -145,6 +147,7 @@ def shared_with_helper(function: Callable[[_Item], _Result], items: Iterable[_It
     Parameters
     ----------
     function : a function of a module; what it takes and returns can be pickled.
+    done : callback (share of the items that are done), after every item of this process.
     """
     work, helper = tuple(items), _Kept.helper
     results: dict[int, _Result] = {}
@@ -166,6 +169,7 @@ def shared_with_helper(function: Callable[[_Item], _Result], items: Iterable[_It
         begun = time.monotonic()
         results[number] = function(work[number])
         longest = max(longest, time.monotonic() - begun)
+        done(len(results) / len(work))
     while given:
         # What it has not begun is taken back.
         if len(given) > 1 and given[-1][1].cancel():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from types import TracebackType
@@ -12,29 +13,40 @@ from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Ta
 from rich.text import Text
 
 #: A stream that is no terminal gets a line at least this often [s].
-_SILENCE_S = 10.0
+_SILENCE_S = 5.0
 #: Share of the work and seconds before which nobody is told how long the rest takes.
 _EARLY, _EARLY_S = 0.05, 3.0
+#: Memory of the recent pace [s].
+_RECENT_S = 60.0
 #: Widest description in the bar.
 _WORDS = 36
 
 
 class TimeLeft:
-    """Time that the rest of a computation takes, from the share that is done; what is shown never grows.
+    """Time that the rest of a computation takes, from the share that is done; what is shown always shrinks.
 
-    t = T (1 - f) / f, T the time since the start and f the share.  An estimate that rises, as at a part that takes
-    longer than its share, leaves the shown time where it is.
+    e = (1 - f) max(T / f, T' / f'), T the time since the start, f the share, T' and f' what came of both in the last
+    minute or so.  Where the estimate e lies above the shown time s, as at a part that takes longer than its share or on
+    a machine that others begin to use, s falls slower than the clock instead of growing, by ds/dt = -s / e: both reach
+    zero together.
     """
 
     def __init__(self) -> None:
         self._shown: float | None = None
+        self._at_s = self._fraction = self._recent_s = self._recent = 0.0
 
     def __call__(self, elapsed_s: float, fraction: float) -> float | None:
         """Seconds left after `elapsed_s` seconds with `fraction` done; None while it is too early to say."""
+        step_s = max(elapsed_s - self._at_s, 0.0)
+        memory = math.exp(-step_s / _RECENT_S)
+        self._recent_s = memory * self._recent_s + step_s
+        self._recent = memory * self._recent + fraction - self._fraction
+        self._at_s, self._fraction = elapsed_s, fraction
         if fraction < _EARLY or elapsed_s < _EARLY_S:
             return None
-        left = elapsed_s * (1.0 - fraction) / fraction
-        self._shown = left if self._shown is None else min(self._shown, left)
+        left = (1.0 - fraction) * max(elapsed_s / fraction, self._recent_s / max(self._recent, 1e-6))
+        # One implicit step of the equation, stable for any length.
+        self._shown = left if self._shown is None else min(left, self._shown * left / (left + step_s + 1e-9))
         return self._shown
 
 
@@ -51,13 +63,13 @@ class _Left(ProgressColumn):
     """The words of a task's time left."""
 
     def render(self, task: Task) -> Text:
-        return Text(task.fields["left"])
+        return Text(time_words(task.fields["left"]()))
 
 
 class StageProgress:
     """Progress of a command as one bar that never falls back.
 
-    On a stream that is no terminal it prints a line for every stage, and one every ten seconds in between.
+    On a stream that is no terminal it prints a line for every stage, and one every five seconds in between.
     """
 
     def __init__(self, console: Console):
@@ -77,7 +89,6 @@ class StageProgress:
         self._fraction = 0.0
         self._time_left = TimeLeft()
         self._begin = self._said = time.monotonic()
-        self._left_s: float | None = None
         self._ended = threading.Event()
         self._lock = threading.Lock()
         self._speaker = threading.Thread(target=self._speak, daemon=True)
@@ -107,7 +118,6 @@ class StageProgress:
         with self._lock:
             self._message = message
             self._fraction = max(self._fraction, min(fraction, 1.0))
-            self._left_s = self._time_left(time.monotonic() - self._begin, self._fraction)
             if self._console.is_terminal:
                 self._draw()
                 return
@@ -120,15 +130,19 @@ class StageProgress:
         words = self._message
         if len(words) > _WORDS:
             words = f"{words[: _WORDS - 1]}\N{HORIZONTAL ELLIPSIS}"
-        words, left = escape(words), time_words(self._left_s)
+        words = escape(words)
         if self._task is None:
-            self._task = self._bar.add_task(words, total=1.0, completed=self._fraction, left=left)  # type: ignore[arg-type]
+            self._task = self._bar.add_task(words, total=1.0, completed=self._fraction, left=self._left_s)  # type: ignore[arg-type]
         else:
-            self._bar.update(self._task, description=words, completed=self._fraction, left=left)
+            self._bar.update(self._task, description=words, completed=self._fraction)
+
+    def _left_s(self) -> float | None:
+        """Seconds left, at this moment."""
+        return self._time_left(time.monotonic() - self._begin, self._fraction)
 
     def _print(self, message: str) -> None:
         share = f", {100.0 * self._fraction:.0f} %" if self._fraction else ""
-        left = time_words(self._left_s)
+        left = time_words(self._left_s())
         self._said = time.monotonic()
         self._console.print(f"{message}{share}{left and ', ' + left} ...", markup=False)
 

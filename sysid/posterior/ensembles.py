@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 
 import emcee
@@ -46,11 +47,14 @@ class Ensemble:
         """The same walkers, to go on by other moves."""
         return Ensemble(self._density.density, moves, self._state)
 
-    def advance(self, steps: int) -> tuple[np.ndarray, ...]:
-        """Take steps: the members of a :class:`Segment` of this ensemble."""
+    def advance(self, steps: int, done: Callable[[], None] = lambda: None) -> tuple[np.ndarray, ...]:
+        """Take steps, each followed by a call of `done`: the members of a :class:`Segment` of this ensemble."""
         self._sampler.reset()
         self._density.rejected = 0
-        last = self._sampler.run_mcmc(self._state, steps, skip_initial_state_check=True)
+        last = self._state
+        for state in self._sampler.sample(last, iterations=steps, skip_initial_state_check=True):
+            last = state
+            done()
         self._state = emcee.State(last.coords, log_prob=last.log_prob, random_state=last.random_state)
         _, key, place, has_gauss, cached = last.random_state
         return (
@@ -63,9 +67,21 @@ class Ensemble:
         )
 
 
-def advance(ensembles: Sequence[Ensemble], steps: int) -> Segment:
-    """All ensembles by a stretch of steps; two at a time, because Python's part of a step keeps one core waiting."""
-    results = side_by_side(lambda ensemble: ensemble.advance(steps), ensembles, at_most=2)
+def advance(
+    ensembles: Sequence[Ensemble], steps: int, progress: Callable[[float], None] = lambda share: None
+) -> Segment:
+    """All ensembles by a stretch of steps; two at a time, because Python's part of a step keeps one core waiting.
+
+    Parameters
+    ----------
+    progress : callback (share of the stretch that is done), after every step of an ensemble.
+    """
+    taken = itertools.count(1)
+
+    def done() -> None:
+        progress(next(taken) / (steps * len(ensembles)))
+
+    results = side_by_side(lambda ensemble: ensemble.advance(steps, done), ensembles, at_most=2)
     return Segment(*(np.stack(members) for members in zip(*results, strict=True)))
 
 

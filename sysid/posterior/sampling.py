@@ -91,9 +91,15 @@ def sample_posterior(
         # A chain that had already converged when it is resumed must not grow.
         judged_at = history.steps if _due(history.steps, options) else 0
         diagnosis = _judged(history, options) if judged_at else None
+
+        def say(share: float) -> None:
+            """Report the steps so far and a share of the next stretch."""
+            later = share * options.segment_steps
+            report(_words(diagnosis, history.steps), _fraction(diagnosis, history.steps, options, later))
+
         while not _finished(diagnosis, history.steps, options):
-            report(_words(diagnosis, history.steps), _fraction(diagnosis, history.steps, options))
-            segment = advance(ensembles, options.segment_steps)
+            say(0.0)
+            segment = advance(ensembles, options.segment_steps, say)
             if checkpoint is not None:
                 checkpoint.append(segment)
             history.append(segment)
@@ -244,13 +250,13 @@ def _words(diagnosis: Diagnosis | None, done: int) -> str:
     return f"sampling, step {done}, R-hat {diagnosis.worst_rhat:.3f}, effective draws {diagnosis.ess.min():.0f}"
 
 
-def _fraction(diagnosis: Diagnosis | None, done: int, options: SamplingOptions) -> float:
-    """Share of the work that is done: R-hat - 1 and the missing draws both fall about as 1 / steps."""
+def _fraction(diagnosis: Diagnosis | None, done: int, options: SamplingOptions, later: float) -> float:
+    """Share of the work that is done `later` steps on: R-hat - 1 and the missing draws both fall about as 1 / steps."""
     if diagnosis is None or done == 0:
-        return min(done / max(min(2 * options.min_steps, options.max_steps), 1), 0.99)
+        return min((done + later) / max(min(2 * options.min_steps, options.max_steps), 1), 0.99)
     excess = max((diagnosis.worst_rhat - 1.0) / (options.rhat_limit - 1.0), options.min_effective / diagnosis.ess.min())
     needed = float(np.clip(done * excess, options.min_steps, options.max_steps))
-    return min(done / max(needed, 1.0), 0.99)
+    return min((done + later) / max(needed, 1.0), 0.99)
 
 
 def _posterior(

@@ -13,6 +13,7 @@ import pandas as pd
 from sysid.campaign.records import Campaign, PlankDrop
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.helper_process import shared_with_helper
+from sysid.progress import Progress, unwatched
 from sysid.sdof.analysis import analyse_drop, axle_on_tire, has_neighbours
 from sysid.sdof.averages import mean_with_scatter
 from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropMethod, DropSummary
@@ -28,7 +29,9 @@ _NO_DEFLECTION = (
 METHODS: tuple[DropMethod, ...] = ("paper", "corrected", "free_decay")
 
 
-def analyse_drops(campaign: Campaign, settings: DropSettings | None = None) -> DropSummary:
+def analyse_drops(
+    campaign: Campaign, settings: DropSettings | None = None, progress: Progress = unwatched
+) -> DropSummary:
     """Analyse every plank drop of a campaign and pool the repeats.
 
     The pooled value is a weighted mean. The weights are from the variance of the reading plus the scatter between the
@@ -42,6 +45,8 @@ def analyse_drops(campaign: Campaign, settings: DropSettings | None = None) -> D
         Records in SI units.
     settings
         Defaults of `DropSettings`.
+    progress
+        Callback (message, fraction done).
 
     Returns
     -------
@@ -56,7 +61,9 @@ def analyse_drops(campaign: Campaign, settings: DropSettings | None = None) -> D
     settings = settings or DropSettings()
     vehicle = campaign.vehicle
     drops = [d for d in campaign.plank_drops if _shows_deflection(d)]
-    files = shared_with_helper(_analysed, [(d, vehicle, campaign.load_cases[d.load_case], settings) for d in drops])
+    work = [(d, vehicle, campaign.load_cases[d.load_case], settings) for d in drops]
+    progress("readings of the drops", 0.0)
+    files = shared_with_helper(_analysed, work, lambda share: progress("readings of the drops", share))
     with_dampers = [a for a, d in zip(files, drops, strict=True) if d.dampers]
     pooled = []
     for axle, load_case in sorted({(a.axle, a.load_case) for a in with_dampers}, key=lambda key: (key[1], key[0])):

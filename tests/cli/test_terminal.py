@@ -101,15 +101,32 @@ def test_a_module_is_called_as_one() -> None:
     assert done.stderr.startswith("python -m sysid check: There is no campaign file 'no such'")
 
 
-def test_time_left_never_grows_and_is_silent_at_first() -> None:
+def test_time_left_always_shrinks_and_is_silent_at_first() -> None:
     left = TimeLeft()
     assert left(1.0, 0.5) is None
     assert left(10.0, 0.01) is None
+    left = TimeLeft()
     # Ten seconds for a tenth, then a part that takes far longer than its share, then the rest at once.
     shown = [left(t, f) for t, f in ((10.0, 0.1), (60.0, 0.11), (200.0, 0.12), (210.0, 0.9), (215.0, 0.99))]
-    assert shown[:3] == [90.0] * 3
+    assert shown[0] == pytest.approx(90.0)
     assert shown[3] == pytest.approx(210.0 / 9.0)
-    assert all(later <= earlier for earlier, later in pairwise(shown))
+    assert all(later < earlier for earlier, later in pairwise(shown))
+
+
+def test_time_left_ends_with_the_work_where_the_machine_slows_down() -> None:
+    # A tenth of the work in 10 s, the rest at a quarter of that pace until 370 s. Once the estimate is the true one,
+    # ds/dt = -s / (370 - t): the ratio of shown and true time stays.
+    left = TimeLeft()
+    times = np.arange(10.0, 369.0, 1.0)
+    shown = np.array([left(t, 0.1 + (t - 10.0) / 400.0) for t in times], float)
+    assert np.all(np.diff(shown) < 0.0)
+    ratio = shown / (370.0 - times)
+    assert ratio[0] == pytest.approx(0.25)
+    assert np.all((ratio > 0.2) & (ratio < 0.26))
+    assert np.ptp(ratio[times > 200.0]) < 0.005
+
+
+def test_words_of_the_time_left() -> None:
     assert [time_words(v) for v in (None, 240.0, 42.0, 1.0)] == [
         "", "about 4 min left", "about 40 s left", "about 10 s left",
     ]  # fmt: skip

@@ -44,6 +44,21 @@ def sample(folder: Path | None, *, options: SamplingOptions = OPTIONS, resume: b
     )
 
 
+def test_progress_speaks_at_every_step_between_the_stretches() -> None:
+    seen: list[tuple[str, float]] = []
+
+    def report(message: str, fraction: float) -> None:
+        seen.append((message, fraction))
+
+    sample_posterior(density, NAMES, CENTRE, COVARIANCE, "test", OPTIONS, progress=report)
+    first = sorted(fraction for message, fraction in seen if message == "sampling, step 0")
+    # Once at the beginning, then after every step of each of the two ensembles.
+    assert len(first) == 1 + 2 * 10
+    assert first[0] == 0.0
+    assert first[-1] > 0.0
+    assert np.diff(first) == pytest.approx(np.full(20, first[-1] / 20.0))
+
+
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory) -> tuple[Path, object]:
     """An uninterrupted run and its folder."""

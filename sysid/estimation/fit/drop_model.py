@@ -28,7 +28,7 @@ from sysid.estimation.parameters.campaign_parameters import (
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.signals import simulate_runs
-from sysid.progress import Progress, unwatched
+from sysid.progress import Progress, Series, unwatched
 from sysid.road.enveloping import FootprintMap, footprint_map
 from sysid.road.plank_road import lifted_onto_plank, plank_table
 from sysid.sdof.drop_results import DropAnalysis, DropEstimate, DropSummary
@@ -179,7 +179,7 @@ def fit_drops(
         If no plank drop can be used.
     """
     options = options or FitOptions()
-    report = progress or unwatched
+    report = Series(progress or unwatched, 0.4)
     analysed = {a.file: a for a in drops.files if np.isfinite(a.release_time_s)}
     records = [d for d in campaign.plank_drops if d.dampers and d.log.file in analysed and d.release == "plank"]
     if not records:

@@ -45,7 +45,7 @@ from sysid.estimation.parameters.rockers import load_shares
 from sysid.estimation.parameters.suspension_elements import law_elements
 from sysid.estimation.parameters.undeclared_parts import NO_PARTS, UndeclaredParts, undeclared_frames
 from sysid.numbers import listing
-from sysid.progress import Progress, unwatched
+from sysid.progress import Progress, Series, unwatched
 from sysid.road.road_profile import RoadProfile
 from sysid.runtime import forget_compiled
 from sysid.sdof.drop_results import DropSummary
@@ -90,7 +90,7 @@ def fit_with_laws(
     CampaignError, DataRejectedError
         As :func:`sysid.estimation.fit.least_squares.fit_bump_runs`.
     """
-    options, report = options or FitOptions(), progress or unwatched
+    options, report = options or FitOptions(), Series(progress or unwatched)
     choice = _Choice(campaign, drops, profiles, options, report)
     choice, linear = choice.with_parts(choice.declared, choice.by_declared_laws(None))
     chosen, comparison = choice.chosen(linear)

@@ -25,7 +25,7 @@ from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise as noise_model
-from sysid.progress import Progress, unwatched
+from sysid.progress import Progress, Series, unwatched
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.passes import MapTires
 
@@ -56,7 +56,7 @@ def fit_bump_runs(
         If no run has a usable channel, or no run's start is found inside its record.
     """
     options = options or FitOptions()
-    report = progress or unwatched
+    report = Series(progress or unwatched)
     optimum = optimise(campaign, parameters, profiles, options, report)
     optimum = joint_optimum(campaign, optimum, profiles, options, report)
     return evaluate_optimum(campaign, optimum, options, report)

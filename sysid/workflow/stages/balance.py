@@ -100,7 +100,7 @@ BALANCE = Whole(
     code=("balance",),
     put=lambda results, balance: replace(results, balance=balance),
     in_run="always",
-    effort=5.0,
+    effort=2.0,
     command=Command(
         help="Stiffness and damping of every axle, and axle loads of road drives, from the balance of forces on the "
         "bodies, whatever the road was.",

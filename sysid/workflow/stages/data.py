@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from sysid.display import TextTable, channel_unit
 from sysid.errors import DataRejectedError, SysidError
+from sysid.progress import portion
 from sysid.workflow.stage import Blocks, Command, Context, Whole
 from sysid.workflow.stages.cells import finite_cell, value_cell
 
@@ -177,8 +178,7 @@ def _drops(context: Context) -> DropSummary:
     from sysid.estimation.fit.options import FitOptions
     from sysid.sdof.summary import analyse_drops
 
-    context.progress("readings of the drops", 0.0)
-    summary = analyse_drops(context.campaign)
+    summary = analyse_drops(context.campaign, progress=portion(context.progress, 0.0, 0.5))
     if not context.campaign.plank_drops:
         return summary
     if not context.settings.drop_model:
@@ -192,7 +192,7 @@ def _drops(context: Context) -> DropSummary:
         max_iterations=2 * fit.max_iterations,
         target_step_s=fit.target_step_s,
     )
-    summary = with_model_estimates(context.campaign, summary, options, context.progress)
+    summary = with_model_estimates(context.campaign, summary, options, portion(context.progress, 0.5, 1.0))
     return with_cautions(context.campaign, summary)
 
 

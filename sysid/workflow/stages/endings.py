@@ -43,7 +43,7 @@ def _summary(results: Results, folder: Path, progress: Progress) -> Sequence[Pat
 REPORT = Ending(
     name="report",
     write=_report,
-    effort=25.0,
+    effort=30.0,
     # Agreement is computed with the results that the report is made from.
     helper=("sysid.validation.agreement", "sysid.report.paper_figures"),
     command=Command(

@@ -142,7 +142,7 @@ FIT = Whole(
     # What follows shows the vehicle with the parts that the fit added, and records on the clocks that it found.
     put=lambda results, kept: replace(results, fit=kept.fit, campaign=kept.point.in_campaign(results.campaign)),
     in_run="always",
-    effort=110.0,
+    effort=80.0,
     command=Command(
         help="Least-squares calibration of the vehicle model against all bump runs.",
         show=show_fit,

@@ -238,7 +238,7 @@ PREDICT = Whole(
     code=("prediction",),
     put=lambda results, predictions: replace(results, predictions=predictions),
     in_run="always",
-    effort=15.0,
+    effort=13.0,
     command=Command(
         help="Dynamic axle loads of the passes in the campaign file, or of others.",
         show=show_predict,

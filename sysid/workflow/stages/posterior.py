@@ -144,7 +144,7 @@ SAMPLE = Whole(
     put=lambda results, posterior: replace(results, posterior=posterior),
     warnings=_sample_warnings,
     in_run="always",
-    effort=90.0,
+    effort=110.0,
     command=Command(
         help="Posterior of all parameters by emcee, continued until it has converged.",
         show=show_sample,
@@ -188,5 +188,5 @@ BANDS = Whole(
     code=("prediction",),
     put=_with_bands,
     in_run="always",
-    effort=10.0,
+    effort=8.0,
 )
