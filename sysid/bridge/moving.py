@@ -96,13 +96,12 @@ def deck_motion(modes: BridgeModes, crossing: Crossing) -> DeckMotion:
 
 
 class Coupled(NamedTuple):
-    """Forces (T, na, S) [N] and amplitudes of the modes (T, n, S) [m] of vehicle and bridge together.
+    """Forces (T, na, S) [N] of vehicle and bridge together.
 
     `rolling_N` are the forces on a deck that does not move; `rounds` says how often forces and deck were computed.
     """
 
     force_N: SamplesByAxlesBySets
-    amplitude_m: np.ndarray
     rolling_N: SamplesByAxlesBySets
     rounds: int
 
@@ -136,12 +135,11 @@ def coupled(
     rolling = forces(np.zeros((*shape, 1)))
     force = rolling if change_N is None else rolling + change_N
     for number in range(1, MOST_ROUNDS + 1):
-        amplitude = motion.amplitudes(force)
-        new = forces(motion.under_axles(amplitude))
+        new = forces(motion.under_axles(motion.amplitudes(force)))
         change = float(np.abs(new - force).max(initial=0.0))
         force = new
         if change <= TOLERANCE * static_N:
-            return Coupled(force, motion.amplitudes(force), rolling, number)
+            return Coupled(force, rolling, number)
     raise DataRejectedError(
         f"Vehicle and bridge do not come to one motion: axle loads still change by {1e-3 * change:.3g} kN after "
         f"{MOST_ROUNDS} rounds; check mass and stiffness of the bridge."
@@ -191,12 +189,10 @@ def static_effects(times: EffectTimes, force_N: SamplesByAxlesBySets) -> np.ndar
     return np.moveaxis(np.matmul(np.moveaxis(times.lines, 0, 1), force), 1, 0)
 
 
-def dynamic_effects(
-    times: EffectTimes, motion: DeckMotion, force_N: SamplesByAxlesBySets, amplitude_m: np.ndarray
-) -> np.ndarray:
-    """Load effects (E, m, S) of moving forces (T, na, S) [N] with the motion (T, n, S) [m] of the bridge."""
+def dynamic_effects(times: EffectTimes, motion: DeckMotion, force_N: SamplesByAxlesBySets) -> np.ndarray:
+    """Load effects (E, m, S) of moving forces (T, na, S) [N] with the motion of the bridge that answers them."""
     modes = motion.modes
     compliance = 1.0 / (modes.modal_mass_kg * modes.angular_frequency**2)
     at_rest = compliance[:, None] * np.matmul(np.swapaxes(motion.shape, 1, 2), force_N)
-    beyond = times.between(amplitude_m - at_rest)
+    beyond = times.between(motion.amplitudes(force_N) - at_rest)
     return np.asarray(static_effects(times, force_N) + np.moveaxis(np.matmul(modes.effects, beyond), 1, 0))

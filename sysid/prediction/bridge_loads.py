@@ -268,9 +268,9 @@ def _crossed(
     static = np.tile(group.static_N, (vehicles, 1))[None]
     if motion is None:
         rolling = forces(np.zeros((samples, axles * vehicles, 1)))
-        force, amplitude, rounds = rolling, None, 1
+        force, rounds = rolling, 1
     else:
-        force, amplitude, rolling, rounds = coupled(motion, forces, float(static.mean()), change_N)
+        force, rolling, rounds = coupled(motion, forces, float(static.mean()), change_N)
     one = last[0]
     check_finite(request, state.parameters, group.sets.T, group.static_N[:, 0], one.tire_N, one.suspension_N)
 
@@ -281,11 +281,7 @@ def _crossed(
         return np.concatenate(list(each), axis=1)
 
     force = erring(force)
-    if motion is None or amplitude is None:
-        dynamic = static_effects(times, force)
-    else:
-        amplitude = amplitude if group.contact_error is None else motion.amplitudes(force)
-        dynamic = dynamic_effects(times, motion, force, amplitude)
+    dynamic = static_effects(times, force) if motion is None else dynamic_effects(times, motion, force)
     lead = ground.lead
     most = extremes(group.sunk_m(one.tire_N[lead:]), one.extension_m[lead:], force[:, :axles], INTERVAL_S)
     effects = {"static": static_effects(times, static), "rolling": static_effects(times, erring(rolling))}

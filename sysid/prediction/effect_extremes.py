@@ -67,13 +67,13 @@ def effect_extremes(effects: Mapping[str, np.ndarray], front_m: np.ndarray, stor
     front_m : (m,) places of axle 1. stored : numbers of the instants whose values are kept.
     """
     dynamic = effects["dynamic"]
-    at = np.stack([(sign * dynamic).argmax(axis=1) for _, sign in _SENSES])
+    at = np.stack([dynamic.argmax(axis=1), dynamic.argmin(axis=1)])
     # All effects at the instant of each extreme: (E of the extreme, E, t).
     together = np.stack(
         [np.stack([np.take_along_axis(dynamic, one[None, None], axis=1)[:, 0] for one in of_sense]) for of_sense in at]
     )
     return EffectExtremes(
-        {name: np.stack([sign * (sign * e).max(axis=1) for _, sign in _SENSES]) for name, e in effects.items()},
+        {name: np.stack([e.max(axis=1), e.min(axis=1)]) for name, e in effects.items()},
         front_m[at],
         together,
         effects["static"][:, stored],

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from sysid import plot
 from sysid.export import prediction_files
 from sysid.files import write_text
+from sysid.numbers import speed
 from sysid.plot.style import styled
 from sysid.report.drawing import Drawing, Draws, drawn
 from sysid.report.figures import Gallery, Picture
@@ -19,7 +20,7 @@ from sysid.results import Results
 from sysid.results.pass_limits import pass_name
 
 if TYPE_CHECKING:
-    from sysid.prediction.bridge_effects import BridgeLoads, LoadEffect
+    from sysid.prediction.bridge_effects import LoadEffect
     from sysid.prediction.predicted_passes import PassPrediction
 
 #: Load effects of one figure at most.
@@ -37,30 +38,44 @@ def write_bridge_figures(
     name : begins the names of figures that several passes share.
     """
     figures: dict[str, Draws] = {}
-    for p, file in zip(passes, prediction_files(passes), strict=True):
-        if p.bridge is not None:
-            figures[f"{file.removesuffix('.csv')}_effects.svg"] = partial(bridge_figure, p, p.bridge, axle_x_m)
+    files = dict(zip(map(id, passes), prediction_files(passes), strict=True))
     courses = dict.fromkeys((p.load_case, p.shape) for p in passes if p.bridge is not None)
     for number, (case, shape) in enumerate(courses):
         over = [p for p in passes if p.bridge is not None and (p.load_case, p.shape) == (case, shape)]
-        if len({p.speed_m_s for p in over}) > 1:
-            file = f"predictions/{name}_amplification{number + 1 if len(courses) > 1 else ''}.svg"
-            figures[file] = partial(_amplification, over)
+        worst = partial(bridge_figure, over, axle_x_m)
+        if len({p.speed_m_s for p in over}) == 1:
+            figures[f"{files[id(over[0])].removesuffix('.csv')}_effects.svg"] = worst
+            continue
+        ending = number + 1 if len(courses) > 1 else ""
+        figures[f"predictions/{name}_worst{ending}.svg"] = worst
+        figures[f"predictions/{name}_amplification{ending}.svg"] = partial(_amplification, over)
     texts = [drawn(Drawing(draws)) for draws in figures.values()]
     for file, text in zip(figures, texts, strict=True):
         write_text(folder / file, text)
     return tuple(folder / file for file in figures)
 
 
-def shown_effects(loads: BridgeLoads) -> tuple[LoadEffect, ...]:
-    """Load effects for a figure: the strongest of every kind and sense first, then the others in their order."""
+def shown_effects(passes: Sequence[PassPrediction]) -> tuple[tuple[PassPrediction, LoadEffect], ...]:
+    """Load effects for a figure, each in the pass in which it is at its extreme.
+
+    The strongest of every kind and sense come first, then the others in their order.
+    """
+    worst: dict[str, tuple[PassPrediction, LoadEffect]] = {}
+    for p in passes:
+        for e in () if p.bridge is None else p.bridge.effects:
+            if e.title not in worst or _size(e) > _size(worst[e.title][1]):
+                worst[e.title] = p, e
     strongest: dict[tuple[str, str], LoadEffect] = {}
-    for e in loads.effects:
+    for _, e in worst.values():
         known = strongest.get((e.kind, e.sense))
-        if known is None or abs(e.dynamic.q50[0]) > abs(known.dynamic.q50[0]):
+        if known is None or _size(e) > _size(known):
             strongest[e.kind, e.sense] = e
-    first = tuple(strongest.values())
-    return (*first, *(e for e in loads.effects if not any(e is f for f in first)))[:_SHOWN]
+    first = [e.title for e in strongest.values()]
+    return tuple(worst[title] for title in dict.fromkeys((*first, *worst)))[:_SHOWN]
+
+
+def _size(effect: LoadEffect) -> float:
+    return abs(float(effect.dynamic.q50[0]))
 
 
 def effect_pictures(results: Results, gallery: Gallery) -> list[Picture | None]:
@@ -77,20 +92,28 @@ def effect_pictures(results: Results, gallery: Gallery) -> list[Picture | None]:
             "against time, static and dynamic."
         )
         extremes = "; ".join(f"{e.sense} {e.name}: {e.dynamic.q50[0]:.4g} {e.unit}" for e in p.bridge.effects)
-        drawing = partial(bridge_figure, p, p.bridge, x)
+        drawing = partial(bridge_figure, (p,), x)
         pictures.append(gallery.picture(drawing, caption, f"{caption} {plot.label(extremes, 1000)}."))
     return pictures
 
 
 @styled
-def bridge_figure(p: PassPrediction, loads: BridgeLoads, axle_x_m: Sequence[float]) -> Axes:
-    """Influence lines with the vehicle at its worst places beside the histories of these load effects."""
-    effects = shown_effects(loads)
-    axes = plot.figure(9.6, 2.7 * len(effects)).subplots(len(effects), 2, squeeze=False)
-    for row, effect in zip(axes, effects, strict=True):
-        plot.influence_line(loads, effect, axle_x_m, row[0])
-        plot.effect_history(loads, effect, row[1])
-    plot.figure_of(axes).suptitle(plot.label(pass_name(p), 100), fontsize="medium")
+def bridge_figure(passes: Sequence[PassPrediction], axle_x_m: Sequence[float]) -> Axes:
+    """Influence lines with the vehicle at its worst places beside the histories of these load effects.
+
+    Of several passes over one bridge each load effect is shown at the speed at which it is at its extreme.
+    """
+    shown = shown_effects(passes)
+    axes = plot.figure(9.6, 2.7 * len(shown)).subplots(len(shown), 2, squeeze=False)
+    for row, (p, effect) in zip(axes, shown, strict=True):
+        assert p.bridge is not None
+        plot.influence_line(p.bridge, effect, axle_x_m, row[0])
+        plot.effect_history(p.bridge, effect, row[1])
+        if len(passes) > 1:
+            row[0].set_title(f"{plot.label(effect.name, 36)}, at {speed(p.speed_m_s)}\u00a0km/h")
+    one = passes[0]
+    title = pass_name(one) if len(passes) == 1 else f"{one.load_case}, {one.shape}: each at its worst speed"
+    plot.figure_of(axes).suptitle(plot.label(title, 100), fontsize="medium")
     first: Axes = axes[0, 0]
     return first
 
@@ -98,7 +121,7 @@ def bridge_figure(p: PassPrediction, loads: BridgeLoads, axle_x_m: Sequence[floa
 @styled
 def _amplification(passes: Sequence[PassPrediction]) -> Axes:
     # Of all load effects nobody could tell the curves apart, and a small one is amplified without meaning.
-    shown = {e.title for p in passes[:1] if p.bridge is not None for e in shown_effects(p.bridge)}
+    shown = {e.title for _, e in shown_effects(passes)}
     ax = plot.amplification_against_speed(passes, plot.figure(7.2, 4.2).add_subplot(), shown)
     ax.set_title(plot.label(f"{passes[0].load_case}, {passes[0].shape}", 90))
     return ax

@@ -9,7 +9,7 @@ import pytest
 from bridge_results import loads, over
 
 from sysid import plot
-from sysid.report.bridge_figures import shown_effects, write_bridge_figures
+from sysid.report.bridge_figures import bridge_figure, shown_effects, write_bridge_figures
 
 
 def test_influence_line_and_its_axles():
@@ -50,11 +50,21 @@ def test_the_least_value_is_called_so():
 def test_files_of_passes(tmp_path):
     passes = [over(20.0, loads(1.3)), over(10.0, loads(1.1))]
     written = write_bridge_figures(passes, [0.0, 4.0, 14.0], tmp_path, "load_effects")
-    assert [p.name for p in written] == [
-        "laden_72kmh_bridge_river_effects.svg",
-        "laden_36kmh_bridge_river_effects.svg",
-        "load_effects_amplification.svg",
-    ]
+    assert [p.name for p in written] == ["load_effects_worst.svg", "load_effects_amplification.svg"]
     assert all("<svg" in p.read_text(encoding="utf-8")[:400] for p in written)
     assert write_bridge_figures([], [0.0], tmp_path, "load_effects") == ()
-    assert [e.name for e in shown_effects(loads())] == ["moment at 10 m", "deflection at 10 m"]
+    one = write_bridge_figures(passes[:1], [0.0, 4.0, 14.0], tmp_path, "load_effects")
+    assert [p.name for p in one] == ["laden_72kmh_bridge_river_effects.svg"]
+
+
+def test_each_effect_is_shown_at_its_worst_speed():
+    """The moment is larger in the fast pass; with 200 kN m there it would be shown in the slow one."""
+    fast, slow = over(20.0, loads(1.3)), over(10.0, loads(1.1))
+    shown = shown_effects([slow, fast])
+    assert [e.name for _, e in shown] == ["moment at 10 m", "deflection at 10 m"]
+    assert shown[0][0] is fast
+    ax = bridge_figure([slow, fast], [0.0, 4.0, 14.0])
+    assert ax.get_title(loc="left") == "moment at 10 m, at 72\N{NO-BREAK SPACE}km/h"
+    first = loads(1.3).effects[0]
+    weak = replace(loads(1.3), effects=(replace(first, dynamic=first.dynamic.times(-0.1)),))
+    assert shown_effects([slow, over(20.0, weak)])[0][0] is slow
