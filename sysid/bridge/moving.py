@@ -28,8 +28,7 @@ from sysid.errors import DataRejectedError
 
 #: Points of the quadrature of Gauss in a step.
 _POINTS = 6
-#: Deck and vehicle are iterated until forces change by less than this share of the mean static load (the error of the
-#: last ones is smaller by as much again as they changed less than before), and how often.
+#: Deck and vehicle are iterated until forces change by less than this share of the mean static load, and how often.
 TOLERANCE = 1e-3
 MOST_ROUNDS = 40
 
@@ -95,6 +94,18 @@ def deck_motion(modes: BridgeModes, crossing: Crossing) -> DeckMotion:
     return DeckMotion(modes, np.ascontiguousarray(np.moveaxis(weight, 1, 2)), decay, modes.shape.at(place))
 
 
+class Alike(NamedTuple):
+    """What vehicles do that cross alike, their mean: where the rounds of others begin.
+
+    `deck_m` (T, na, 1) deflections under the axles, `change_N` (T, na, 1) what they add to the axle loads, and
+    `gain_N_m` how much a vehicle's axle loads change where its own deck takes the place of the mean.
+    """
+
+    deck_m: SamplesByAxlesBySets
+    change_N: SamplesByAxlesBySets
+    gain_N_m: float
+
+
 class Coupled(NamedTuple):
     """Forces (T, na, S) [N] of vehicle and bridge together.
 
@@ -106,44 +117,62 @@ class Coupled(NamedTuple):
     rounds: int
 
 
-def coupled(
-    motion: DeckMotion,
-    forces: Callable[[SamplesByAxlesBySets], SamplesByAxlesBySets],
-    static_N: float,
-    change_N: SamplesByAxlesBySets | None = None,
-) -> Coupled:
+#: Axle loads (T, na, S) [N] for a deflection of the road under every axle (T, na, S or 1) [m], positive downward.
+Forces = Callable[[SamplesByAxlesBySets], SamplesByAxlesBySets]
+
+
+def coupled(motion: DeckMotion, forces: Forces, static_N: float, alike: Alike | None = None) -> Coupled:
     """Vehicle and bridge as one system: forces and deck motion are computed in turn until neither changes.
 
     Each is integrated over the whole crossing with the other's last history.  The deck answers a force by an
     integral over the past, so that the rounds converge faster than any geometric series whatever the laws of the
     vehicle are (waveform relaxation; E. Lelarasmee, A. Ruehli, A. Sangiovanni-Vincentelli, IEEE Transactions on
-    Computer-Aided Design 1, 1982), and what they converge to is the coupled solution.
+    Computer-Aided Design 1, 1982), and what they converge to is the coupled solution.  They end when forces no longer
+    change, or would no longer with the deck that answers them.
 
     Parameters
     ----------
-    forces : axle loads (T, na, S) [N] for a deflection of the road under every axle (T, na, S) [m], positive downward.
     static_N : mean static axle load [N], for the tolerance.
-    change_N : what the moving deck adds to the axle loads of a similar vehicle (T, na, 1) [N]; with it there is less to
-        iterate, and the solution is the same.
+    alike : of similar vehicles, to begin with; the solution is the same.  Where one round suffices, the deck adds to
+        the axle loads what it adds to theirs, and the rigid deck is not driven over.
 
     Raises
     ------
     DataRejectedError
         If forces still change after :data:`MOST_ROUNDS` rounds.
     """
-    shape = motion.shape.shape[:2]
-    rolling = forces(np.zeros((*shape, 1)))
-    force = rolling if change_N is None else rolling + change_N
-    for number in range(1, MOST_ROUNDS + 1):
-        new = forces(motion.under_axles(motion.amplitudes(force)))
+    rigid = np.zeros((*motion.shape.shape[:2], 1))
+    deck, gain = (rigid, np.inf) if alike is None else (alike.deck_m, alike.gain_N_m)
+    force = forces(deck)
+    rolling = force if alike is None else None
+    rounds, change = 1, np.inf
+    while change > TOLERANCE * static_N:
+        answer = motion.under_axles(motion.amplitudes(force))
+        moved = float(np.abs(answer - deck).max(initial=0.0))
+        if moved == 0.0 or gain * moved <= TOLERANCE * static_N:
+            break
+        if rounds == MOST_ROUNDS:
+            raise DataRejectedError(
+                f"Vehicle and bridge do not come to one motion: axle loads still change by {1e-3 * change:.3g} kN "
+                f"after {MOST_ROUNDS} rounds; check mass and stiffness of the bridge."
+            )
+        new = forces(answer)
         change = float(np.abs(new - force).max(initial=0.0))
-        force = new
-        if change <= TOLERANCE * static_N:
-            return Coupled(force, rolling, number)
-    raise DataRejectedError(
-        f"Vehicle and bridge do not come to one motion: axle loads still change by {1e-3 * change:.3g} kN after "
-        f"{MOST_ROUNDS} rounds; check mass and stiffness of the bridge."
-    )
+        # Later changes of the deck are shorter waves, which tires feel more.
+        deck, force, rounds, gain = answer, new, rounds + 1, np.inf
+    if rolling is None:
+        rolling = force - alike.change_N if alike is not None and rounds == 1 else forces(rigid)
+    return Coupled(force, rolling, rounds)
+
+
+def alike(motion: DeckMotion, forces: Forces, found: Coupled) -> Alike:
+    """The mean of some vehicles (S of them) and the deck, to begin the rounds of others with."""
+    deck = motion.under_axles(motion.amplitudes(found.force_N))
+    mean = deck.mean(axis=2, keepdims=True)
+    moved = float(np.abs(deck - mean).max())
+    change = float(np.abs(forces(mean) - found.force_N).max())
+    gain = change / moved if moved > 0.0 else np.inf
+    return Alike(mean, (found.force_N - found.rolling_N).mean(axis=2, keepdims=True), gain)
 
 
 class EffectTimes(NamedTuple):

@@ -15,9 +15,11 @@ import numpy as np
 from sysid import limits
 from sysid.arrays import DrawsByParameters
 from sysid.bridge.moving import (
+    Alike,
     Crossing,
     DeckMotion,
     EffectTimes,
+    alike,
     coupled,
     deck_motion,
     dynamic_effects,
@@ -56,6 +58,8 @@ APPROACH_S, GROWTH_S = 5.0, 1.5
 _SHORT_S = 2.0
 #: Level road before a bridge without a surface [m].
 _LEVEL_M = 2.0
+#: So many draws cross first, to show the others where to begin.
+_FEW = 4
 #: How long the bridge is followed when the last axle has left it: periods of its first mode, at most so long [s].
 _PERIODS, _TAIL_S = 2.0, 2.0
 
@@ -75,17 +79,13 @@ class _Ground:
 
 @dataclass(frozen=True)
 class _Found:
-    """Some draws over one surface: load effects, axle loads of the first vehicle (T, na, t), their extremes (na, t).
-
-    `change_N` (T', na', 1) is what the deck's motion adds to the axle loads of all vehicles, mean over the draws.
-    """
+    """Some draws over one surface: load effects, axle loads of the first vehicle (T, na, t), their extremes (na, t)."""
 
     effects: EffectExtremes
     tire_N: np.ndarray
     static_N: np.ndarray
     most: dict[str, np.ndarray]
     rounds: int
-    change_N: np.ndarray
 
 
 class BridgeVehicles:
@@ -99,15 +99,19 @@ class BridgeVehicles:
         stops: AssumedStops | None,
     ):
         self.state, self.sets, self.vehicles, self.stops = state, sets, vehicles, stops
-        self._groups: dict[str, tuple[np.ndarray, list[VehicleGroup]]] = {}
+        self._groups: dict[str, tuple[np.ndarray, list[VehicleGroup], VehicleGroup | None]] = {}
 
-    def of(self, load_case: str) -> tuple[np.ndarray, list[VehicleGroup]]:
-        """Static axle loads as weighed (na,) [N], and the vehicles of a load case."""
+    def of(self, load_case: str) -> tuple[np.ndarray, list[VehicleGroup], VehicleGroup | None]:
+        """Static axle loads as weighed (na,) [N], the vehicles of a load case, and a few of them if there are more."""
         if load_case not in self._groups:
             axles = len(self.state.campaign.vehicle.axles)
             level = effective_road(GENTLE_STEP_M * np.arange(40), np.zeros((1, axles, 40)))
             batch, groups = vehicle_groups(self.state, load_case, level, self.sets, self.vehicles, self.stops)
-            self._groups[load_case] = batch.matrices.static_load[0, :, 0], groups
+            few = None
+            if len(self.sets) > _FEW:
+                drawn = self.vehicles and self.vehicles.first(_FEW)
+                few = vehicle_groups(self.state, load_case, level, self.sets[:_FEW], drawn, self.stops)[1][0]
+            self._groups[load_case] = batch.matrices.static_load[0, :, 0], groups, few
         return self._groups[load_case]
 
 
@@ -146,23 +150,29 @@ def predict_bridge(
     crossing = Crossing(speed * time[:, None] - all_x, INTERVAL_S)
     times = effect_times(bridge, crossing)
     motion = None if modes is None else deck_motion(modes, crossing)
-    static, groups = vehicles.of(request.load_case)
+    static, groups, few = vehicles.of(request.load_case)
     grounds = _grounds(state, request, course, bridge.length_m + float(all_x.max()))
-
-    def cross(pair: tuple[_Ground, VehicleGroup], change_N: np.ndarray | None = None) -> _Found:
-        ground, group = pair
-        progress(course.label, 0.0)
-        return _crossed(state, request, ground, group, crossing, times, motion, x, behind, change_N)
 
     for group in groups:
         # Before several threads ask for it at once.
         _ = group.static_N
-    # All draws move the deck much alike: the first ones of a surface show the others where to begin.
-    ahead = side_by_side(cross, [(ground, groups[0]) for ground in grounds])
-    rest = [(k, group) for k in range(len(grounds)) for group in groups[1:]]
-    behind_them = side_by_side(lambda pair: cross((grounds[pair[0]], pair[1]), ahead[pair[0]].change_N), rest)
-    others = len(groups) - 1
-    found = [f for k, one in enumerate(ahead) for f in (one, *behind_them[others * k : others * (k + 1)])]
+
+    def shown(ground: _Ground) -> Alike | None:
+        if motion is None or few is None:
+            return None
+        of_few = _Draws(ground, few, crossing, x, behind, speed)
+        return alike(motion, of_few.forces, coupled(motion, of_few.forces, float(few.static_N.mean())))
+
+    # All draws move the deck much alike.
+    begun = side_by_side(shown, grounds)
+
+    def cross(pair: tuple[int, VehicleGroup]) -> _Found:
+        number, group = pair
+        progress(course.label, 0.0)
+        draws = _Draws(grounds[number], group, crossing, x, behind, speed)
+        return _crossed(state, request, draws, times, motion, begun[number])
+
+    found = side_by_side(cross, [(number, group) for number in range(len(grounds)) for group in groups])
     first = found[: len(groups)]
     measured = _largest(found, len(groups))
     misfit = max(g.misfit for g in grounds)
@@ -233,48 +243,62 @@ def _heights(surface: Surface, realisation: int, end_m: float) -> tuple[np.ndarr
 # ---------------------------------------------------------------------- motion
 
 
+@dataclass
+class _Draws:
+    """Some draws over one surface: axle loads for any motion of the deck, and the last histories of each vehicle."""
+
+    ground: _Ground
+    group: VehicleGroup
+    axles: Crossing
+    axle_x: np.ndarray
+    behind_m: float
+    speed_m_s: float
+
+    def __post_init__(self) -> None:
+        self.road = self.ground.road.for_all(len(self.group.sets))
+        self.last: dict[int, Driven] = {}
+
+    @property
+    def vehicles(self) -> int:
+        """How many follow each other."""
+        return int(self.axles.place_m.shape[1]) // self.axle_x.size
+
+    def forces(self, deck_m: np.ndarray) -> np.ndarray:
+        """Axle loads (T, na', t) [N] over deflections of the deck under all axles (T, na', t or 1) [m]."""
+        parts, count, speed = [], self.axle_x.size, self.speed_m_s
+        timing = Timing(self.ground.lead + len(deck_m), INTERVAL_S, self.ground.substeps)
+        for number in range(self.vehicles):
+            own = slice(number * count, (number + 1) * count)
+            deck = np.broadcast_to(deck_m[:, own], (len(deck_m), count, len(self.group.sets)))
+            road = _on_deck(self.road, deck, self.axles.place_m[0, own], speed, self.axles.interval_s)
+            start_s = self.ground.lead * INTERVAL_S + number * self.behind_m / speed
+            found = self.last[number] = self.group.driven(road, self.axle_x, speed, start_s, timing)
+            parts.append(found.tire_N[self.ground.lead :])
+        return np.concatenate(parts, axis=1)
+
+
 def _crossed(
     state: FitState,
     request: PredictionRequest,
-    ground: _Ground,
-    group: VehicleGroup,
-    crossing: Crossing,
+    draws: _Draws,
     times: EffectTimes,
     motion: DeckMotion | None,
-    axle_x: np.ndarray,
-    behind_m: float,
-    change_N: np.ndarray | None,
+    begun: Alike | None,
 ) -> _Found:
     """Some draws over one surface, vehicle and bridge as one system where the bridge has modes.
 
-    `change_N` is what the deck's motion added to the axle loads of other draws.
+    `begun` is how other draws and the deck moved together.
     """
-    count, axles, speed = len(group.sets), axle_x.size, request.speed_m_s
-    samples, vehicles = len(crossing.place_m), crossing.place_m.shape[1] // axles
-    timing = Timing(ground.lead + samples, INTERVAL_S, ground.substeps)
-    base = ground.road.for_all(count)
-    last: dict[int, Driven] = {}
-
-    def forces(deck_m: np.ndarray) -> np.ndarray:
-        parts = []
-        for number in range(vehicles):
-            own = slice(number * axles, (number + 1) * axles)
-            road = _on_deck(base, deck_m[:, own], crossing.place_m[0, own], speed, crossing.interval_s)
-            start_s = ground.lead * INTERVAL_S + number * behind_m / speed
-            found = last[number] = group.driven(road, axle_x, speed, start_s, timing)
-            parts.append(found.tire_N[ground.lead :])
-        return np.concatenate(parts, axis=1)
-
+    group, crossing, vehicles = draws.group, draws.axles, draws.vehicles
+    samples, axles = len(crossing.place_m), draws.axle_x.size
     static = np.tile(group.static_N, (vehicles, 1))[None]
     if motion is None:
-        rolling = forces(np.zeros((samples, axles * vehicles, 1)))
+        rolling = draws.forces(np.zeros((samples, axles * vehicles, 1)))
         force, rounds = rolling, 1
     else:
-        force, rolling, rounds = coupled(motion, forces, float(static.mean()), change_N)
-    one = last[0]
+        force, rolling, rounds = coupled(motion, draws.forces, float(static.mean()), begun)
+    one = draws.last[0]
     check_finite(request, state.parameters, group.sets.T, group.static_N[:, 0], one.tire_N, one.suspension_N)
-
-    change = (force - rolling).mean(axis=2, keepdims=True)
 
     def erring(tire_N: np.ndarray) -> np.ndarray:
         each = (group.erring(tire_N[:, k : k + axles]) for k in range(0, axles * vehicles, axles))
@@ -282,7 +306,7 @@ def _crossed(
 
     force = erring(force)
     dynamic = static_effects(times, force) if motion is None else dynamic_effects(times, motion, force)
-    lead = ground.lead
+    lead = draws.ground.lead
     most = extremes(group.sunk_m(one.tire_N[lead:]), one.extension_m[lead:], force[:, :axles], INTERVAL_S)
     effects = {"static": static_effects(times, static), "rolling": static_effects(times, erring(rolling))}
     effects["dynamic"] = dynamic
@@ -294,7 +318,6 @@ def _crossed(
         group.static_N,
         most | {"most": force[:, :axles].max(axis=0), "least": force[:, :axles].min(axis=0)},
         rounds,
-        change,
     )
 
 
