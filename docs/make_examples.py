@@ -9,6 +9,7 @@ import os
 import shutil
 import sys
 import tempfile
+from copy import deepcopy
 from pathlib import Path
 
 import nbformat
@@ -29,8 +30,11 @@ def main(numbers: list[str]) -> None:
             if numbers and path.name[0] not in numbers:
                 continue
             notebook = nbformat.read(path, 4)
+            # Without the version of Python that the kernel adds.
+            metadata = deepcopy(notebook.metadata)
             resources = {"metadata": {"path": str(examples)}}
             NotebookClient(notebook, timeout=1800, record_timing=False, resources=resources).execute()
+            notebook.metadata = metadata
             nbformat.write(notebook, path)
 
 

@@ -15,7 +15,7 @@ from rich.text import Text
 #: A stream that is no terminal gets a line at least this often [s].
 _SILENCE_S = 5.0
 #: Share of the work and seconds before which nobody is told how long the rest takes.
-_EARLY, _EARLY_S = 0.05, 3.0
+_EARLY, _EARLY_S = 0.1, 3.0
 #: Memory of the recent pace [s].
 _RECENT_S = 60.0
 #: Widest description in the bar.

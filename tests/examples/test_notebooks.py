@@ -33,11 +33,9 @@ def test_there_are_notebooks():
 
 #: Notebooks that take minutes.
 LONG = ("6",)
-#: Notebooks that are shown with their outputs.
-STORED = ("1", "2", "3", "4", "7")
 
 
-@pytest.mark.parametrize("path", [n for n in NOTEBOOKS if n.name[0] in STORED], ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
 def test_outputs_are_stored_and_say_nothing_of_a_machine(path):
     outputs = [o for c in nbformat.read(path, 4).cells for o in c.get("outputs", [])]
     assert len([o for o in outputs if "image/png" in o.get("data", {})]) >= FIGURES[path.name[0]]
