@@ -5,91 +5,78 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from functools import lru_cache
+from math import pi
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from sysid.errors import CampaignError
 from sysid.wording import finish, nearest, shorten
-
-if TYPE_CHECKING:
-    import pint
 
 Dimension = Literal["length", "acceleration", "speed", "angle", "angular rate", "pressure"]
 
 #: 1 g as a unit (CGPM 1901); weights use the campaign's `gravity_m_s2`.
 STANDARD_GRAVITY_M_S2 = 9.80665
 
-# Spellings accepted in a campaign file and what pint calls them.
-# A fixed list instead of free expressions: pint would read "g" as gram and "mg" as milligram.
-_SPELLINGS: dict[str, dict[str, str]] = {
-    "length": {
-        "m": "metre",
-        "dm": "decimetre",
-        "cm": "centimetre",
-        "mm": "millimetre",
-        "um": "micrometre",
-        "µm": "micrometre",
-        "in": "inch",
-        "ft": "foot",
-    },
-    "acceleration": {
-        "m/s^2": "metre / second ** 2",
-        "m/s2": "metre / second ** 2",
-        "m/s²": "metre / second ** 2",
-        "mm/s^2": "millimetre / second ** 2",
-        "mm/s2": "millimetre / second ** 2",
-        "cm/s^2": "centimetre / second ** 2",
-        "cm/s2": "centimetre / second ** 2",
-        "ft/s^2": "foot / second ** 2",
-        "g": "standard_gravity",
-        "mg": "0.001 * standard_gravity",
-    },
-    "speed": {
-        "km/h": "kilometre / hour",
-        "m/s": "metre / second",
-        "mph": "mile / hour",
-        "ft/s": "foot / second",
-        "knot": "knot",
-    },
-    "angle": {"deg": "degree", "rad": "radian"},
-    "angular rate": {
-        "deg/s": "degree / second",
-        "°/s": "degree / second",
-        "rad/s": "radian / second",
-        "mrad/s": "0.001 * radian / second",
-    },
-    "pressure": {
-        "bar": "bar",
-        "kPa": "kilopascal",
-        "MPa": "megapascal",
-        "psi": "psi",
-        "mbar": "millibar",
-        "Pa": "pascal",
-    },
-}
-_SI = {
-    "length": "metre",
-    "acceleration": "metre / second ** 2",
-    "speed": "metre / second",
-    "angle": "radian",
-    "angular rate": "radian / second",
-    "pressure": "pascal",
-}
+_INCH_M, _FOOT_M, _DEGREE_RAD = 0.0254, 0.3048, pi / 180.0
+#: Spellings accepted in a campaign file, and SI units in each. Inch, foot, mile and pound are exact since the
+#: international yard and pound agreement of 1959, the nautical mile (of a knot) since 1929.
+_IN_SI: Mapping[Dimension, Mapping[str, float]] = MappingProxyType(
+    {
+        "length": {
+            "m": 1.0,
+            "dm": 0.1,
+            "cm": 0.01,
+            "mm": 1e-3,
+            "um": 1e-6,
+            "µm": 1e-6,
+            "in": _INCH_M,
+            "ft": _FOOT_M,
+        },
+        "acceleration": {
+            "m/s^2": 1.0,
+            "m/s2": 1.0,
+            "m/s²": 1.0,
+            "mm/s^2": 1e-3,
+            "mm/s2": 1e-3,
+            "cm/s^2": 0.01,
+            "cm/s2": 0.01,
+            "ft/s^2": _FOOT_M,
+            "g": STANDARD_GRAVITY_M_S2,
+            "mg": 1e-3 * STANDARD_GRAVITY_M_S2,
+        },
+        "speed": {
+            "km/h": 1.0 / 3.6,
+            "m/s": 1.0,
+            "mph": 1609.344 / 3600.0,
+            "ft/s": _FOOT_M,
+            "knot": 1852.0 / 3600.0,
+        },
+        "angle": {"deg": _DEGREE_RAD, "rad": 1.0},
+        "angular rate": {
+            "deg/s": _DEGREE_RAD,
+            "°/s": _DEGREE_RAD,
+            "rad/s": 1.0,
+            "mrad/s": 1e-3,
+        },
+        "pressure": {
+            "bar": 1e5,
+            "kPa": 1e3,
+            "MPa": 1e6,
+            "psi": 0.45359237 * STANDARD_GRAVITY_M_S2 / _INCH_M**2,
+            "mbar": 100.0,
+            "Pa": 1.0,
+        },
+    }
+)
+#: Metres in units of length.
+LENGTH_IN_M = _IN_SI["length"]
 
 
 def unit_names(dimension: Dimension) -> tuple[str, ...]:
     """Names of the units that a campaign file may use for this dimension."""
-    return tuple(_SPELLINGS[dimension])
+    return tuple(_IN_SI[dimension])
 
 
-@lru_cache(maxsize=1)
-def _registry() -> pint.UnitRegistry[float]:
-    import pint
-
-    return pint.UnitRegistry()
-
-
-@lru_cache(maxsize=64)
 def si_factor(unit: str, dimension: Dimension) -> float:
     """Factor that turns a value in `unit` into SI (m, m/s^2, m/s, rad, rad/s, Pa).
 
@@ -103,17 +90,13 @@ def si_factor(unit: str, dimension: Dimension) -> float:
     CampaignError
         If the unit is not known for this dimension; the nearest one is named.
     """
-    spelling = _SPELLINGS[dimension].get(unit.strip())
-    if spelling is None:
+    factor = _IN_SI[dimension].get(unit.strip())
+    if factor is None:
         hint = nearest(unit, unit_names(dimension))
         raise CampaignError(finish(f"'{shorten(unit)}' is not a unit of {dimension}; {hint}"))
-    return float(_registry()(spelling).to(_SI[dimension]).magnitude)
+    return factor
 
 
-#: Metres in units of length, exact by definition: readers of scans need no more, and need not load pint for it.
-LENGTH_IN_M = MappingProxyType(
-    {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "in": 0.0254, "ft": 0.3048}
-)
 #: Names in files of quantities that are neither lengths nor accelerations, in small letters.
 _OTHER = frozenset(
     """v volt volts mv millivolt uv mv/v a ma ampere ohm n kn newton newtons nm kg pa kpa mpa bar psi
@@ -192,7 +175,7 @@ _OF_SENSORS: tuple[Dimension, ...] = ("length", "acceleration", "speed", "angula
 def _known_units(dimensions: tuple[Dimension, ...]) -> Mapping[str, tuple[str, Dimension]]:
     known: dict[str, tuple[str, Dimension]] = {}
     for dimension in dimensions:
-        for spelling in _SPELLINGS[dimension]:
+        for spelling in _IN_SI[dimension]:
             known.setdefault(_plain(spelling), (spelling, dimension))
     return known | {name: known[unit] for name, unit in _WORDS.items() if unit in known}
 

@@ -1,18 +1,38 @@
-"""Units of length that readers convert by themselves."""
+"""Factors of units, and units that files write."""
 
 from __future__ import annotations
+
+import re
 
 import pint
 import pytest
 
-from sysid.campaign.units import LENGTH_IN_M, length_in_m, unit_names
+from sysid.campaign.units import Dimension, length_in_m, si_factor, unit_names
+
+#: What pint calls the units whose names it reads otherwise: "g" would be gram.
+IN_PINT = {"g": "standard_gravity", "mg": "0.001 * standard_gravity"}
+DIMENSIONS: dict[Dimension, str] = {
+    "length": "m",
+    "acceleration": "m/s^2",
+    "speed": "m/s",
+    "angle": "rad",
+    "angular rate": "rad/s",
+    "pressure": "Pa",
+}
 
 
-def test_lengths_are_those_of_pint() -> None:
+def by_pint(registry: pint.UnitRegistry[float], unit: str, si: str) -> float:
+    written = IN_PINT.get(unit, re.sub(r"s2$", "s^2", unit.replace("²", "2").replace("°", "deg")))
+    return float(registry(written).to(si).magnitude)
+
+
+def test_factors_are_those_of_pint() -> None:
     registry = pint.UnitRegistry()
-    assert set(LENGTH_IN_M) == set(unit_names("length"))
-    for name, metres in LENGTH_IN_M.items():
-        assert registry.Quantity(1.0, name).to("m").magnitude == pytest.approx(metres, rel=1e-12)
+    for dimension, si in DIMENSIONS.items():
+        for unit in unit_names(dimension):
+            assert si_factor(unit, dimension) == pytest.approx(by_pint(registry, unit, si), rel=1e-14), unit
+    # The US survey foot differs by 2 parts in a million.
+    assert si_factor("ft", "length") != pytest.approx(by_pint(registry, "survey_foot", "m"), rel=1e-14)
 
 
 @pytest.mark.parametrize(
