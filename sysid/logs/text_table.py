@@ -48,6 +48,8 @@ _MARKED = re.compile(r"[-+]?[\d.]*[.,]\d+(?:[eE][-+]?\d+)?")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:\.\d{3})+")
 _COMMAS = re.compile(r"[-+]?\d{1,3}(?:,\d{3})+\.\d*")
 _MARKED_CELLS = 100
+#: Characters that no text holds; NUL bytes are counted elsewhere.
+_CONTROL = re.compile(r"[\x01-\x08\x0e-\x1f]")
 _BINARY = {b"\x1f\x8b": "a gzip file", b"%PDF": "a PDF"}
 #: What spreadsheets write where they have no number, in English and German.
 _ERROR_MARKS = (
@@ -215,8 +217,7 @@ def open_table(
     encoding = encoding_of(data)
     lines = head_lines(data, encoding, _HEAD_BYTES)
     text = "\n".join(lines)[:65536]
-    control = sum(ord(c) < 32 and c not in "\0\t\r\n\f\v" for c in text)
-    if control > 0.01 * len(text):
+    if len(_CONTROL.findall(text)) > 0.01 * len(text):
         raise DataRejectedError(f"{label} is binary, not text; export the log as CSV.")
     layout = _header(lines, label, encoding, wanted, is_key)
     known = set(wanted)
@@ -305,6 +306,9 @@ def _header(
             better = hits and (hits, not comment) > best[0]
             if better and (not spaced or _fits(lines[number + 1 :], names)):
                 best = ((hits, not comment), number, delimiter, names)
+        # No line has more names than those known, and a key.
+        if best[0] == (2 * len(known) + 1, True):
+            break
     _, number, delimiter, names = best
     first = next((ln for ln in lines if ln.strip() and not ln.lstrip().startswith(_COMMENT)), "")
     if not names:

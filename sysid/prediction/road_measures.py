@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import rainflow
-from scipy.signal import welch
 
 from sysid.arrays import SamplesByAxlesBySets
 from sysid.prediction.measures import quantiles
@@ -125,6 +124,9 @@ def load_spectra(drives: Sequence[Drive], on_road: np.ndarray, interval_s: float
     ----------
     P. D. Welch, IEEE Transactions on Audio and Electroacoustics 15 (1967).
     """
+    # Every command that writes tables loads this module, and SciPy's signals take longer to load than all of it.
+    from scipy.signal import welch
+
     rows = []
     for i in range(on_road.shape[1]):
         each = []

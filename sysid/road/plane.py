@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from sysid.arrays import PointsByXyz
 
@@ -68,7 +68,9 @@ def local_noise_m(points_m: PointsByXyz) -> float:
     slope = np.linalg.solve(normal, np.einsum("gki,gk->gi", xy, offset[:, :, 2])[..., None])[..., 0]
     residual = offset[:, :, 2] - np.einsum("gki,gi->gk", xy, slope)
     squares = np.quantile(np.sum(residual**2, axis=1), _LOWER_FIFTH)
-    return max(float(np.sqrt(squares / chi2.ppf(_LOWER_FIFTH, k - 3))), NOISE_FLOOR_M)
+    # Quantile of chi^2 with k - 3 degrees of freedom.
+    of_chi2 = 2.0 * gammaincinv(0.5 * (k - 3), _LOWER_FIFTH)
+    return max(float(np.sqrt(squares / of_chi2)), NOISE_FLOOR_M)
 
 
 def search_plane(points_m: PointsByXyz, noise_m: float, rng: np.random.Generator) -> RoadPlane:

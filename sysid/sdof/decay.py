@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 from sysid.sdof.averages import mean_with_scatter, random_effects
 from sysid.sdof.decay_modes import ModeFit, fit_modes, scan_single_mode
@@ -289,7 +289,7 @@ def _trend(
     fits = [(x, random_effects(_line(x), ratio, ratio_covariance)) for x in (relative, 1.0 / relative)]
     x, fit = min(fits, key=lambda item: (item[1].extra_sd, float(item[1].covariance[1, 1] / item[1].value[1] ** 2)))
     # Overlapping cycles share swings, so only every other decrement counts as a degree of freedom.
-    limit = float(student_t.ppf(1.0 - 0.5 * _TREND_SIGNIFICANCE, max(values.size // 2 - 1, 1)))
+    limit = float(stdtrit(max(values.size // 2 - 1, 1), 1.0 - 0.5 * _TREND_SIGNIFICANCE))
     at_ends = np.clip(fit.value[0] + fit.value[1] * (np.array([x.min(), x.max()]) - x.mean()), 0.02, None)
     change = abs(float(np.log(at_ends[1] / at_ends[0]))) / abs(mean)
     certainty = abs(float(fit.value[1])) / max(float(np.sqrt(fit.covariance[1, 1])), 1e-300)

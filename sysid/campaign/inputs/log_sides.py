@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from sysid.campaign.clipping import mark_clipped
 from sysid.campaign.gaps import readings_at
 from sysid.campaign.records import AUXILIARY_KINDS, Channel
+from sysid.campaign.zero_phase import low_passed
 from sysid.wording import shorten
 
 SIDE_DISAGREEMENT = 0.3  # roll makes left and right differ by less than this on a bump taken straight
@@ -130,7 +130,7 @@ def _moved_apart(one: Channel, two: Channel, both: np.ndarray) -> str | None:
         return None
     noise = max(_noise(x) for x in (left, right)) * np.sqrt(2.0 * _SLOW_HZ * step_s)
     whole, in_all = 0.5 * float(np.std(left + right)), float(np.std(right) / max(float(np.std(left)), 1e-300))
-    left, right = (sosfiltfilt(butter(2, 2.0 * _SLOW_HZ * step_s, output="sos"), x) for x in (left, right))
+    left, right = (low_passed(x, 2, 2.0 * _SLOW_HZ * step_s) for x in (left, right))
     spread, sizes = float(np.std(left - right)), (float(np.std(left)), float(np.std(right)))
     # The mean of sides that move against each other is nothing.
     size = max(float(np.std(0.5 * (left + right))), 0.5 * min(sizes))

@@ -13,9 +13,9 @@ from itertools import combinations
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.signal import butter, sosfiltfilt
 
 from sysid.campaign.records import BumpRun, Channel, Log, PlankDrop
+from sysid.campaign.zero_phase import band_passed
 from sysid.wording import shorten
 
 #: Band of the noise that is compared, as part of half the rate: below it the road and idling repeat.
@@ -124,7 +124,6 @@ def _noise(log: Log, columns: Sequence[str], step_s: float) -> np.ndarray | None
     if count < 10 * block:
         return None
     time = begin + step_s * np.arange(count)
-    band = butter(3, _BAND, "bandpass", output="sos")
     rows, quiet = [], np.ones(count // block, bool)
     for column in columns:
         channel = by_name[column]
@@ -132,7 +131,7 @@ def _noise(log: Log, columns: Sequence[str], step_s: float) -> np.ndarray | None
         if np.count_nonzero(good) < _SEEN * good.size:
             return None
         value = np.interp(time, channel.time_s[good], channel.value[good])
-        noise = sosfiltfilt(band, value)
+        noise = band_passed(value, 3, *_BAND)
         level = np.sqrt(np.mean(noise.reshape(-1, block) ** 2, axis=1))
         usual = float(np.quantile(level, _QUIET))
         # Held readings and records without noise say nothing.
