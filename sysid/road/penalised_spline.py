@@ -147,26 +147,37 @@ def _penalty_band(knots: np.ndarray, breaks: np.ndarray) -> np.ndarray:
     """Return the lower bands of the matrix of integrals of products of second derivatives.
 
     The second derivative is linear between the breaks: two difference operators give its values there, the mass matrix
-    of hat functions integrates their products.
+    of hat functions integrates their products.  The ends' own coefficients are zero and take no part, so that all
+    matrices are square; they are kept by their diagonals.
     """
-    size = knots.size - 4
-    first = _difference(3 / (knots[4 : size + 3] - knots[1:size]))
-    second = _difference(2 / (knots[4 : size + 2] - knots[2:size]))
-    # The ends' own coefficients are zero and take no part.
-    curvature = csc_array(second @ first)[:, 1:-1]
-    step = np.diff(breaks)
-    mass = csc_array((breaks.size, breaks.size))
-    mass.setdiag(np.concatenate([step, [0.0]]) / 3 + np.concatenate([[0.0], step]) / 3)
-    mass.setdiag(step / 6, k=1)
-    mass.setdiag(step / 6, k=-1)
-    return _lower_band(csc_array(curvature.T @ mass @ curvature))
+    size, step = breaks.size, np.diff(breaks)
+    first = 3 / (knots[4 : size + 5] - knots[1 : size + 2])
+    second = 2 / (knots[4 : size + 4] - knots[2 : size + 2])
+    below, above = second * first[:-1], second * first[1:]
+    below[0] = above[-1] = 0.0
+    curvature = {1: above, 0: -second * first[:-1] - second * first[1:], -1: below}
+    before, behind = np.append(0.0, step), np.append(step, 0.0)
+    mass = {-1: before / 6, 0: behind / 3 + before / 3, 1: behind / 6}
+    turned = {-offset: _moved(diagonal, -offset) for offset, diagonal in curvature.items()}
+    penalty = _product(_product(turned, mass), curvature)
+    return np.stack([_moved(penalty[-k], k) for k in range(4)])
 
 
-def _difference(scale: np.ndarray) -> csc_array:
-    """Return the operator that takes scaled differences of neighbouring coefficients."""
-    row = np.arange(scale.size)
-    values = np.concatenate([-scale, scale])
-    return csc_array((values, (np.tile(row, 2), np.concatenate([row, row + 1]))), shape=(scale.size, scale.size + 1))
+def _product(left: dict[int, np.ndarray], right: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+    """Diagonals of the product of two square matrices: the entry of row i stands at i, by its offset to the right."""
+    result: dict[int, np.ndarray] = {}
+    # Backwards: in the order in which sparse matrices of SciPy add, so that sums are rounded alike.
+    for a, of_left in reversed(left.items()):
+        for b, of_right in right.items():
+            result[a + b] = result.get(a + b, 0.0) + of_left * _moved(of_right, a)
+    return result
+
+
+def _moved(diagonal: np.ndarray, rows: int) -> np.ndarray:
+    """What stands so many rows below, 0 outside."""
+    if rows >= 0:
+        return np.append(diagonal[rows:], np.zeros(rows))
+    return np.append(np.zeros(-rows), diagonal[:rows])
 
 
 def _lower_band(matrix: csc_array) -> np.ndarray:
