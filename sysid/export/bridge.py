@@ -7,7 +7,6 @@ import io
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from sysid.campaign.statics import static_equilibrium
 from sysid.csv_cells import escape_cell, number_cell
@@ -134,4 +133,6 @@ def moving_forces_csv(campaign: Campaign, prediction: PassPrediction, judgement:
                 np.full(len(p.time_s), np.nan) if force is None else np.round(force[i], 2)
             )
     columns |= beyond_columns(p) | bet_column(p, judgement)
+    import pandas as pd
+
     return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from sysid.csv_cells import csv_text, escape_cell, number_cell
 from sysid.export.load_effects import load_effect_texts
@@ -105,6 +104,8 @@ def prediction_csv(prediction: PassPrediction, judgement: Judgement | None = Non
                 values = np.full(len(p.time_s), np.nan) if force is None else np.round(force[axle], 2)
                 columns[f"{name}{axle + 1}_N_{key}"] = values
     columns |= beyond_columns(p) | bet_column(p, judgement)
+    import pandas as pd
+
     return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
 
 

@@ -42,6 +42,9 @@ MISSING = frozenset(
 SIGNS = str.maketrans({"\u2212": "-", "\u2013": "-", "\u00a0": " ", "\u2007": " ", "\u2009": " ", "\u202f": " "})
 #: A number with spaces or apostrophes between its thousands.
 _GROUPED = "[-+]?\\d{1,3}(?:[ '\u2019]\\d{3})+(?:[.,]\\d*)?"
+#: Texts up to this size [bytes] that hold numbers alone are read by NumPy: for these, loading pandas takes longer.
+_SMALL = 4 << 20
+_PLAIN = re.compile(r"(?:[-+0-9.eE,;|\s]++|NaN)*+")
 #: Rows that the parser holds at a time.
 _PIECE_ROWS = 100_000
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
@@ -250,13 +253,16 @@ def read_numbers(table: NumberTable, places: Mapping[int, str], rows: int, width
     UnicodeDecodeError
         If the table is strict and holds bytes that are no text.
     """
-    import pandas as pd
-
     if rows * len(places) > limits.LOG_NUMBERS + limits.CLOUD_POINTS:
         raise DataRejectedError(
             f"{table.label} holds {rows * len(places)} numbers, at most {limits.LOG_NUMBERS} are read; cut it to the "
             "time of the test."
         )
+    plain = _plain(table, places, rows)
+    if plain is not None:
+        return plain
+    import pandas as pd
+
     try:
         return _filled(table, places, rows, width, as_text=False)
     except pd.errors.EmptyDataError:
@@ -270,6 +276,28 @@ def read_numbers(table: NumberTable, places: Mapping[int, str], rows: int, width
     except (ValueError, OverflowError):
         # A cell is no number: read again as text, which is slower, to accept a mark of absence or to name the cell.
         return _as_text(table, places, rows, width)
+
+
+def _plain(table: NumberTable, places: Mapping[int, str], rows: int) -> dict[str, np.ndarray] | None:
+    """Columns of a small text whose cells are empty, or numbers as all programs write them; None for others."""
+    if len(table.data) > _SMALL or table.decimal != "." or not rows:
+        return None
+    with table.rows_of_text() as stream:
+        text = stream.read()
+    if not _PLAIN.fullmatch(text):
+        return None
+    delimiter = None if table.delimiter == WHITE_SPACE else table.delimiter
+    if delimiter is not None:
+        mark = re.escape(delimiter)
+        text = re.sub(f"(?m)(?<={mark}) *(?={mark}|$)|^ *(?={mark})", "nan", text)
+    try:
+        numbers = np.loadtxt(io.StringIO(text), delimiter=delimiter, comments=None, usecols=list(places), ndmin=2)
+    except ValueError:
+        return None
+    # Blank lines may be rows without readings.
+    if len(numbers) != rows or np.isinf(numbers).any():
+        return None
+    return {name: numbers[:, i].copy() for i, name in enumerate(places.values())}
 
 
 def read_text(table: NumberTable, place: int, width: int) -> Any:
