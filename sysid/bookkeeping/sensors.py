@@ -213,21 +213,18 @@ def _one_wrong(equations: Sequence[Equation], wrong: int) -> _Explanation:
 
 
 def _best_lag(equations: Sequence[Equation], wrong: int, lags_s: np.ndarray) -> _Explanation:
-    best: _Explanation | None = None
-    # The wrong part, divided by gain and shifted back, is what the other two imply.
-    for lag in lags_s:
-        top = bottom = whole = 0.0
-        for e in equations:
-            back = e.parts[wrong] * np.exp(1j * e.omega * lag)
-            rest = _implied(e, wrong)
-            top += float(np.real(np.vdot(back, rest)))
-            bottom += _power(back)
-            whole += _power(rest)
-        inverse = top / max(bottom, 1e-30)
-        left = whole - top * inverse
-        if inverse > 0.0 and (best is None or left < best.rest):
-            best = _Explanation(wrong, left, 1.0 / inverse, float(lag))
-    return best or _Explanation(wrong, np.inf, 1.0, 0.0)
+    # The wrong part, divided by gain and shifted back, is what the other two imply; a shift leaves powers as they are.
+    rests = [_implied(e, wrong) for e in equations]
+    bottom, whole = sum(_power(e.parts[wrong]) for e in equations), sum(map(_power, rests))
+    top = np.zeros(lags_s.size)
+    for e, rest in zip(equations, rests, strict=True):
+        top += np.real(np.exp(-1j * np.outer(lags_s, e.omega)) @ (np.conj(e.parts[wrong]) * rest))
+    inverse = top / max(bottom, 1e-30)
+    left = np.where(inverse > 0.0, whole - top * inverse, np.inf)
+    k = int(np.argmin(left))
+    if not inverse[k] > 0.0:
+        return _Explanation(wrong, np.inf, 1.0, 0.0)
+    return _Explanation(wrong, float(left[k]), 1.0 / float(inverse[k]), float(lags_s[k]))
 
 
 def _high_passed(equations: Sequence[Equation]) -> _Explanation:
