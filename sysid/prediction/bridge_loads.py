@@ -107,6 +107,9 @@ class BridgeVehicles:
             axles = len(self.state.campaign.vehicle.axles)
             level = effective_road(GENTLE_STEP_M * np.arange(40), np.zeros((1, axles, 40)))
             batch, groups = vehicle_groups(self.state, load_case, level, self.sets, self.vehicles, self.stops)
+            for group in groups:
+                # Before several threads ask for it at once.
+                _ = group.static_N
             few = None
             if len(self.sets) > _FEW:
                 drawn = self.vehicles and self.vehicles.first(_FEW)
@@ -152,10 +155,6 @@ def predict_bridge(
     motion = None if modes is None else deck_motion(modes, crossing)
     static, groups, few = vehicles.of(request.load_case)
     grounds = _grounds(state, request, course, bridge.length_m + float(all_x.max()))
-
-    for group in groups:
-        # Before several threads ask for it at once.
-        _ = group.static_N
 
     def shown(ground: _Ground) -> Alike | None:
         if motion is None or few is None:

@@ -397,7 +397,12 @@ def predict(
             return predict_road(state, request, sets, vehicles, driven, stops, progress)
         return predict_pass(campaign, parameters, roads, request, sets, vehicles, driven, stops)
 
-    passes = tuple(map(one, requests))
+    # A pass over a bridge keeps one thread busy for long at its end.
+    over_bridges = [r for r in requests if r.bridge is not None]
+    for case in dict.fromkeys(r.load_case for r in over_bridges):
+        of_bridges.of(case)
+    crossed = iter(side_by_side(one, over_bridges))
+    passes = tuple(one(r) if r.bridge is None else next(crossed) for r in requests)
     sets = sets[:SWEEP_DRAWS].T
     few = None if vehicles is None else vehicles.first(SWEEP_DRAWS)
     pairs = dict.fromkeys((r.load_case, r.bump) for r in requests if r.shape is None and r.over_bump)
