@@ -284,7 +284,7 @@ def _plain(table: NumberTable, places: Mapping[int, str], rows: int) -> dict[str
         return None
     with table.rows_of_text() as stream:
         text = stream.read()
-    if not _PLAIN.fullmatch(text):
+    if text.isspace() or not text or not _PLAIN.fullmatch(text):
         return None
     delimiter = None if table.delimiter == WHITE_SPACE else table.delimiter
     if delimiter is not None:

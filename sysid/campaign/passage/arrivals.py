@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid import limits
 from sysid.campaign.gaps import unseen
@@ -242,10 +243,9 @@ def _stacked(
     time, size = _sizes(moved)
     best = (-1.0, listed, 0.0)
     coarse = listed * np.exp(np.linspace(-_REACH, _REACH, _SPEEDS))
-    for speed in np.concatenate([coarse, -coarse]):
-        best = max(best, _added_up(float(speed), time, size, x))
+    best = max(best, *_added_up(np.concatenate([coarse, -coarse]), time, size, x))
     for fine in np.linspace(-0.02, 0.02, 9):
-        best = max(best, _added_up(best[1] * (1.0 + float(fine)), time, size, x))
+        best = max(best, *_added_up(best[1] * np.array([1.0 + fine]), time, size, x))
     return best[1], best[2]
 
 
@@ -253,7 +253,7 @@ def _stacked_at(
     speed: float, moved: Mapping[int, tuple[np.ndarray, np.ndarray]], x: Mapping[int, float]
 ) -> tuple[float, float]:
     """A speed [m/s], and the time at which a point at x = 0 is on the bump if that is the speed."""
-    _, _, start = _added_up(speed, *_sizes(moved), x)
+    ((_, _, start),) = _added_up(np.array([speed]), *_sizes(moved), x)
     return speed, start
 
 
@@ -267,19 +267,19 @@ def _sizes(moved: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarr
 
 
 def _added_up(
-    speed: float, time: np.ndarray, size: Mapping[int, np.ndarray], x: Mapping[int, float]
-) -> tuple[float, float, float]:
-    """How well the motions agree at a speed, the speed, and the time of a point at x = 0."""
-    first = min(place / speed for place in x.values())
+    speeds: np.ndarray, time: np.ndarray, size: Mapping[int, np.ndarray], x: Mapping[int, float]
+) -> list[tuple[float, float, float]]:
+    """How well the motions agree at every speed, the speed, and the time of a point at x = 0."""
+    first = np.min([place / speeds for place in x.values()], axis=0)
     step = float(time[1] - time[0])
-    total = np.zeros(time.size)
+    total = np.zeros((speeds.size, time.size))
     for axle, moved in size.items():
         # Whole samples are near enough for the search.
-        late = round((x[axle] / speed - first) / step)
-        if late < time.size:
-            total[: time.size - late] += moved[late:]
-    k = int(np.argmax(total))
-    return float(total[k]) * (1.0 if speed > 0.0 else _BACKWARDS), speed, float(time[k] - first)
+        late = np.minimum(np.rint((x[axle] / speeds - first) / step).astype(int), time.size)
+        total += sliding_window_view(np.concatenate([moved, np.zeros(time.size)]), time.size)[late]
+    k = np.argmax(total, axis=1)
+    agreement = total[np.arange(speeds.size), k] * np.where(speeds > 0.0, 1.0, _BACKWARDS)
+    return list(zip(agreement.tolist(), speeds.tolist(), (time[k] - first).tolist(), strict=True))
 
 
 def _lifted(
