@@ -11,7 +11,6 @@ from sysid.numbers import count, fixed
 from sysid.results.headline import (
     answer_words,
     estimate_words,
-    higher_elsewhere,
     in_thousands,
     largest_loads,
     loads_answer,
@@ -36,14 +35,14 @@ def show_run(results: Results, report: Path) -> Blocks:
     judgement = results.judgement or judge(results)
     yield f"Can you use k and c? {answer_words(results, judgement)}."
     for number, reason in enumerate(judgement.reasons[:_REASONS], start=1):
-        yield f"  {number}. {reason}"
+        yield f"  {number}. {reason}" if len(judgement.reasons) > 1 else f"  {reason}"
     more = len(judgement.reasons) - _REASONS
     if more > 0:
         yield f"  {count(more, 'more reason')} in the report."
     if loads := loads_answer(results, judgement):
         yield f"Can you use the axle loads? {loads.words}."
-        if loads.sentences:
-            yield f"  {loads.sentences}"
+        for words in filter(None, (loads.largest, loads.sentences)):
+            yield f"  {words}"
     if steps := next_steps(results, judgement):
         yield f"Next: {steps[0]}"
     yield f"Report: {report}"
@@ -72,7 +71,7 @@ def _loads(results: Results) -> Iterator[TextTable | str]:
     if not loads:
         return
     passes = 0 if results.predictions is None else len(results.predictions.passes)
-    title = f"Largest axle load of {count(passes, 'predicted pass', 'predicted passes')}"
+    title = f"Axle loads in {count(passes, 'predicted pass', 'predicted passes')}, the largest of every axle"
     table = TextTable(title, ("axle", "static kN", "peak kN", "of static", "in"))
     for load in loads:
         table.add_row(
@@ -85,8 +84,6 @@ def _loads(results: Results) -> Iterator[TextTable | str]:
     yield table
     if any(load.beyond for load in loads):
         yield "* beyond what the driven runs reached: an extrapolation."
-    if more := higher_elsewhere(results):
-        yield more
 
 
 def _command(results: Results) -> CommandHint:

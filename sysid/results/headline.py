@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 #: An axle load at another speed is told from this multiple of the largest predicted one on.
 _HIGHER = 1.05
+_ELSEWHERE = "Loads are higher at other speeds: up to "
 
 _ANSWERS: dict[Trust, str] = {
     "use": "Yes",
@@ -172,6 +173,42 @@ def largest_at_any_speed(results: Results) -> tuple[LoadAtSpeed, ...]:
     return tuple(max(of_axle, key=lambda load: load.peak_N) for of_axle in zip(*found, strict=True))
 
 
+def _largest_words(results: Results) -> str:
+    """The largest load of all, and the largest that the driven runs back where that is another one, in a sentence."""
+    backed, known = _largest_backed(results), largest_loads(results)
+    if not known:
+        return ""
+    elsewhere = higher_elsewhere(results)
+    most = max(known, key=lambda load: load.peak_N)
+    if elsewhere:
+        words = elsewhere.removeprefix(_ELSEWHERE)
+    else:
+        load = in_thousands(most.peak_N, most.low_N, most.high_N)
+        so = ", an extrapolation" if most.beyond else ""
+        words = f"{load} kN on axle {most.axle + 1} ({most.pass_name}{so})."
+    if backed is None or not (elsewhere or most.beyond):
+        return f"Largest: {words}"
+    return (
+        f"Largest: {words[:-1]}; within the driven runs {fixed(backed.peak_N / 1e3, 0)} kN on axle {backed.axle + 1} "
+        f"({backed.load_case}, {speed(backed.speed_m_s)} km/h)."
+    )
+
+
+def _largest_backed(results: Results) -> LoadAtSpeed | None:
+    """The largest load at a computed speed at which nothing goes beyond the driven runs; None without any."""
+    found = []
+    for sweep in () if results.predictions is None else results.predictions.sweeps:
+        loads = static_loads_N(results, sweep) * sweep.peak_ratio.q50
+        beyond = np.asarray(sweep.extrapolated, bool)[:, None] | np.zeros(loads.shape, bool)
+        if sweep.beyond is not None:
+            beyond = beyond | sweep.beyond
+        within = np.where(beyond | ~np.isfinite(loads), 0.0, loads)
+        k, axle = (int(i) for i in np.unravel_index(within.argmax(), within.shape))
+        if within[k, axle] > 0.0:
+            found.append(LoadAtSpeed(axle, float(within[k, axle]), sweep.load_case, float(sweep.speed_m_s[k]), False))
+    return max(found, key=lambda load: load.peak_N, default=None)
+
+
 def higher_elsewhere(results: Results) -> str:
     """A sentence where an axle carries more at another speed than in any of the predicted passes; else empty."""
     known, anywhere = largest_loads(results), largest_at_any_speed(results)
@@ -182,17 +219,18 @@ def higher_elsewhere(results: Results) -> str:
         return ""
     so = ", an extrapolation" if most.beyond else ""
     return (
-        f"Loads are higher at other speeds: up to {fixed(most.peak_N / 1e3, 0)} kN on axle {most.axle + 1} "
+        f"{_ELSEWHERE}{fixed(most.peak_N / 1e3, 0)} kN on axle {most.axle + 1} "
         f"({most.load_case}, {speed(most.speed_m_s)} km/h{so})."
     )
 
 
 @dataclass(frozen=True)
 class LoadsAnswer:
-    """Whether predicted axle loads may be used, in a few words, and the sentences for it."""
+    """Whether predicted axle loads may be used, in a few words, the sentences for it, and the largest load."""
 
     words: str
     sentences: str
+    largest: str
 
 
 def loads_answer(results: Results, judgement: Judgement) -> LoadsAnswer | None:
@@ -202,11 +240,12 @@ def loads_answer(results: Results, judgement: Judgement) -> LoadsAnswer | None:
         return None
     beyond = sum(bool(p.trust) for p in passes)
     if judgement.trust not in ("use", "use_within") or results.status == "preview" or not beyond:
-        return LoadsAnswer(answer_words(results, judgement), "")
+        return LoadsAnswer(answer_words(results, judgement), "", _largest_words(results) if not beyond else "")
     words = "As extrapolations only" if beyond == len(passes) else "Yes, but for those marked *"
     return LoadsAnswer(
         words,
         f"{_driven(results)} Loads marked * exceed these runs; their ± leaves out the error of extrapolating.",
+        _largest_words(results),
     )
 
 

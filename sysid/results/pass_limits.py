@@ -72,7 +72,10 @@ def remedies(results: Results) -> list[str]:
         return []
     steps = []
     if beyond := [pass_name(p) for p in results.predictions.passes if p.trust]:
-        steps.append(f"Drive nearer to {listing(beyond, 3)} if axle loads there matter: now they are extrapolations.")
+        steps.append(
+            f"If axle loads at {listing(beyond, 3)} matter, drive as near to these speeds as is safe, add the runs and "
+            "calibrate again: now they are extrapolations."
+        )
     if unknown := undeclared_travel(results):
         steps.append(
             f"Declare jounce_travel_m and rebound_travel_m of {_listed(results, unknown)}: bump stops then act there, "

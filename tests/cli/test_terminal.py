@@ -168,26 +168,34 @@ def test_the_answer_has_k_c_peak_load_verdict_report_and_next_command() -> None:
     p = results.predictions.passes
     for axle, static in enumerate(p[0].static_load_N):
         peak = max(float(q.peak_ratio_q50[axle]) * float(q.static_load_N[axle]) for q in p)
-        (line,) = [x for x in text.split("Largest axle load")[1].splitlines() if x.startswith(f"{axle + 1} ")]
+        (line,) = [x for x in text.split("the largest of every axle")[1].splitlines() if x.startswith(f"{axle + 1} ")]
         assert f"{static / 1e3:.1f}" in line
         number = re.search(r"([\d.]+) ±", line)
         assert number is not None
         assert float(number[1]) == pytest.approx(peak / 1e3, rel=5e-3)
     stiffness = [row.best for row in results.suspension("stiffness")]
     half = (stiffness[0].high - stiffness[0].low) / 2e3
-    (line,) = [x for x in text.split("Largest")[0].splitlines() if x.startswith("1 ")][:1]
+    (line,) = [x for x in text.split("Axle loads in")[0].splitlines() if x.startswith("1 ")][:1]
     shown = re.search(r"([\d.,]+) ± ([\d.]+)", line)
     assert shown is not None
     np.testing.assert_allclose([float(shown[1]), float(shown[2])], [stiffness[0].value / 1e3, half], rtol=0.02)
     # The sweep ends at 60 km/h with 1 + 0.2 * 60 / 3.6 times the static load of axle 2.
     highest = (1.0 + 0.2 * 60.0 / 3.6) * results.campaign.load_cases[p[0].load_case].axle_loads_kg[1]
     kilonewton = highest * results.campaign.vehicle.gravity_m_s2 / 1e3
-    shown = re.search(r"up to (\d+) kN on axle 2 \(\w+,\s+60 km/h,\s+an\s+extrapolation\)", text)
+    largest = re.compile(r"Largest:\s+(\d+) kN on axle 2 \(\w+,\s+60 km/h,\s+an\s+extrapolation\);")
+    shown = largest.search(text)
     assert shown is not None
     assert float(shown[1]) == pytest.approx(kilonewton, abs=0.5)
+    # Of its 10, 25 and 60 km/h the runs reached 30.
+    kilonewton *= (1.0 + 0.2 * 25.0 / 3.6) / (1.0 + 0.2 * 60.0 / 3.6)
+    within = re.search(r"within\s+the\s+driven\s+runs\s+(\d+)\s+kN\s+on\s+axle\s+2", text)
+    assert within is not None
+    assert float(within[1]) == pytest.approx(kilonewton, abs=0.5)
     (sweep,) = results.predictions.sweeps
     flat = replace(sweep, peak_ratio=Quantiles(None, np.ones_like(sweep.peak_ratio.q50), None))
-    assert "higher at other" not in answer(replace(results, predictions=replace(results.predictions, sweeps=(flat,))))
+    changed = answer(replace(results, predictions=replace(results.predictions, sweeps=(flat,))))
+    assert largest.search(changed) is None
+    assert re.search(r"Largest:\s+\d+ ± \d+ kN on axle 2 \(empty, 48", changed)
     assert "Can you use k and c?" in text
     assert "Can you use the axle loads?" in text
     # The step is the report's.
