@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 #: An axle load at another speed is told from this multiple of the largest predicted one on.
 _HIGHER = 1.05
-_ELSEWHERE = "Loads are higher at other speeds: up to "
 
 _ANSWERS: dict[Trust, str] = {
     "use": "Yes",
@@ -175,23 +174,18 @@ def largest_at_any_speed(results: Results) -> tuple[LoadAtSpeed, ...]:
 
 def _largest_words(results: Results) -> str:
     """The largest load of all, and the largest that the driven runs back where that is another one, in a sentence."""
-    backed, known = _largest_backed(results), largest_loads(results)
+    known = largest_loads(results)
     if not known:
         return ""
-    elsewhere = higher_elsewhere(results)
-    most = max(known, key=lambda load: load.peak_N)
-    if elsewhere:
-        words = elsewhere.removeprefix(_ELSEWHERE)
+    most, elsewhere = max(known, key=lambda load: load.peak_N), _higher_elsewhere(results)
+    if elsewhere is not None:
+        words, beyond = _at_speed(elsewhere), elsewhere.beyond
     else:
+        so, beyond = ", an extrapolation" if most.beyond else "", most.beyond
         load = in_thousands(most.peak_N, most.low_N, most.high_N)
-        so = ", an extrapolation" if most.beyond else ""
-        words = f"{load} kN on axle {most.axle + 1} ({most.pass_name}{so})."
-    if backed is None or not (elsewhere or most.beyond):
-        return f"Largest: {words}"
-    return (
-        f"Largest: {words[:-1]}; within the driven runs {fixed(backed.peak_N / 1e3, 0)} kN on axle {backed.axle + 1} "
-        f"({backed.load_case}, {speed(backed.speed_m_s)} km/h)."
-    )
+        words = f"{load} kN on axle {most.axle + 1} ({most.pass_name}{so})"
+    backed = _largest_backed(results) if beyond else None
+    return f"Largest: {words}." if backed is None else f"Largest: {words}; within the driven runs {_at_speed(backed)}."
 
 
 def _largest_backed(results: Results) -> LoadAtSpeed | None:
@@ -211,16 +205,22 @@ def _largest_backed(results: Results) -> LoadAtSpeed | None:
 
 def higher_elsewhere(results: Results) -> str:
     """A sentence where an axle carries more at another speed than in any of the predicted passes; else empty."""
+    most = _higher_elsewhere(results)
+    return "" if most is None else f"Loads are higher at other speeds: up to {_at_speed(most)}."
+
+
+def _higher_elsewhere(results: Results) -> LoadAtSpeed | None:
     known, anywhere = largest_loads(results), largest_at_any_speed(results)
     if not known or not anywhere:
-        return ""
+        return None
     most = max(anywhere, key=lambda load: load.peak_N)
-    if most.peak_N <= _HIGHER * max(load.peak_N for load in known):
-        return ""
-    so = ", an extrapolation" if most.beyond else ""
+    return most if most.peak_N > _HIGHER * max(load.peak_N for load in known) else None
+
+
+def _at_speed(load: LoadAtSpeed) -> str:
+    so = ", an extrapolation" if load.beyond else ""
     return (
-        f"{_ELSEWHERE}{fixed(most.peak_N / 1e3, 0)} kN on axle {most.axle + 1} "
-        f"({most.load_case}, {speed(most.speed_m_s)} km/h{so})."
+        f"{fixed(load.peak_N / 1e3, 0)} kN on axle {load.axle + 1} ({load.load_case}, {speed(load.speed_m_s)} km/h{so})"
     )
 
 
