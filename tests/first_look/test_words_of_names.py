@@ -153,6 +153,26 @@ def test_an_unknown_word_in_place_of_a_load_is_a_load_case_to_be_confirmed() -> 
 
 
 @pytest.mark.parametrize(
+    ("name", "load", "front"),
+    [
+        ("marche INT 1 av. charge", "laden", False),
+        ("marche av. 1 av. charge", "laden", True),
+        ("marche av. 1 s. charge", "empty", True),
+        ("Planke VA m. Ladung", "laden", True),
+        ("Planke VA o. Ladung", "empty", True),
+        ("tren del. c. carga", "laden", True),
+        ("tren del. s. carga", "empty", True),
+    ],
+)
+def test_with_and_without_are_short_and_no_axles(name: str, load: str, front: bool) -> None:
+    """French `av.` is with (avec) before a load and front (avant) elsewhere."""
+    said = path_says(f"{name}.csv")
+    assert said.load is not None
+    assert (said.load.kind, said.load.sure) == (load, True)
+    assert (said.axle.place == "front") is front
+
+
+@pytest.mark.parametrize(
     "path",
     [
         "not loaded/bump 10kmh.csv", "nicht voll beladen/Schwelle 10kmh.csv", "pas chargé/bosse 10kmh.csv",
