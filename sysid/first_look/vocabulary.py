@@ -95,6 +95,19 @@ def meanings(word: str) -> tuple[Meaning, ...]:
     return _of_compound(word) or _of_cut_off(word) or _of_part(word)
 
 
+@cache
+def phrase(words: tuple[str, ...]) -> tuple[Meaning, ...]:
+    """Meanings of a phrase, also of one whose last word is cut off, as loggers do with long names; else none."""
+    known = vocabulary().meanings
+    if words in known or len(words[-1]) < _CUT_OFF:
+        return known.get(words, ())
+    found: list[Meaning] = []
+    for other, of_other in known.items():
+        if len(other) == len(words) and other[:-1] == words[:-1] and other[-1].startswith(words[-1]):
+            found += [m for m in of_other if m not in found]
+    return tuple(found) if len(found) == 1 else ()
+
+
 def _of_compound(word: str) -> tuple[Meaning, ...]:
     """What all parts of a compound say together."""
     parts = min(_covers(word), key=lambda parts: (len(parts), -max(map(len, parts))), default=None)

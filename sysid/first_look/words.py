@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
-from sysid.first_look.vocabulary import LONGEST, Meaning, folded, meanings, vocabulary
+from sysid.first_look.vocabulary import LONGEST, Meaning, folded, meanings, phrase, vocabulary
 
 Side = Literal["left", "right"]
 PlaceWord = Literal["front", "pusher", "drive", "tag", "middle", "rear", "trailer"]
@@ -68,12 +68,12 @@ def tokens(text: str) -> list[str]:
 
 def _meant(words: Sequence[str]) -> Iterator[tuple[int, int, tuple[Meaning, ...]]]:
     """Meanings of the words and phrases of a name: first word, number of words, meanings."""
-    known = vocabulary().meanings
     i = 0
     while i < len(words):
-        length = next((n for n in range(LONGEST, 1, -1) if tuple(words[i : i + n]) in known and i + n <= len(words)), 1)
-        phrase = tuple(words[i : i + length])
-        yield i, length, known[phrase] if length > 1 else meanings(words[i]) if words[i].isalpha() else ()
+        longest = min(LONGEST, len(words) - i)
+        length = next((n for n in range(longest, 1, -1) if phrase(tuple(words[i : i + n]))), 1)
+        found = phrase(tuple(words[i : i + length])) if length > 1 else meanings(words[i]) if words[i].isalpha() else ()
+        yield i, length, found
         i += length
 
 

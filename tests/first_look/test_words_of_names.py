@@ -65,6 +65,13 @@ def test_a_column_that_no_campaign_uses(name: str) -> None:
     assert column_says(name).kind is None
 
 
+def test_a_phrase_whose_end_is_cut_off_is_no_other_word() -> None:
+    """An air spring ("muelle neumático"), not a tire ("neumático")."""
+    for name in ("presión muelle neumático kPa", "presión_muelle_neumáti_kPa"):
+        assert (column_says(name).kind, column_says(name).unused) == ("air_pressure", None)
+    assert column_says("presión neumático kPa").unused
+
+
 def test_letters_of_two_meanings_mean_what_the_columns_beside_them_do() -> None:
     lone = columns_say(["acc_1_l", "acc_1_r", "acc_2_r"])
     assert [said.side for said in lone.values()] == ["left", "right", None]
@@ -75,6 +82,11 @@ def test_letters_of_two_meanings_mean_what_the_columns_beside_them_do() -> None:
     sides = columns_say(["acc_essieu_2_g", "acc_essieu_2_d"])
     assert [(said.side, said.unit) for said in sides.values()] == [("left", None), ("right", None)]
     assert column_says("acc_essieu_2_g").unit == "g"
+    # The driver may sit on either side; beside a left word French "dr" is right.
+    cut = columns_say(["acc_unsprung_mass_1_dr_g", "acc_unsprung_mass_1_pa_g"])
+    assert [said.side for said in cut.values()] == [None, None]
+    assert columns_say(["acc_essieu_2_gche", "acc_essieu_2_dr"])["acc_essieu_2_dr"].side == "right"
+    assert columns_say(["Beschl der Achse 1 g"])["Beschl der Achse 1 g"].side is None
     # Nothing beside it: nothing said, and marked.
     alone = column_says("FR1_Z")
     assert (alone.kind, alone.axle.place, alone.doubts) == (None, None, ("fr",))
@@ -160,8 +172,8 @@ def test_an_unknown_word_in_place_of_a_load_is_a_load_case_to_be_confirmed() -> 
         ("marche av. 1 s. charge", "empty", True),
         ("Planke VA m. Ladung", "laden", True),
         ("Planke VA o. Ladung", "empty", True),
-        ("tren del. c. carga", "laden", True),
-        ("tren del. s. carga", "empty", True),
+        ("tren delantero c. carga", "laden", True),
+        ("tren delantero s. carga", "empty", True),
     ],
 )
 def test_with_and_without_are_short_and_no_axles(name: str, load: str, front: bool) -> None:
