@@ -78,6 +78,7 @@ NO_ROOM = {
         "records",
         "requests",
         "roads",
+        "sensor_kinds",
         "statics",
         "units",
         "vehicle_records",

@@ -26,7 +26,7 @@ from studies.check_faults.campaigns import base
 from studies.check_faults.case import HARMLESS
 from studies.check_faults.numbers import Bench
 from studies.documents import write_between_marks
-from sysid.campaign.toml.errors import parse_toml
+from sysid.campaign.toml.reading import parse_toml
 
 BASES = ("data", "linear_truck", "rigid3", "rigid4", "semitrailer5")
 #: Names of sensors by kind, with the words for left and right.

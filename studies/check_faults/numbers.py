@@ -30,7 +30,7 @@ from studies.check_faults.case import HARMLESS as HARMLESS_WORDS
 from studies.check_faults.healthy_numbers import varied
 from studies.documents import write_between_marks
 from sysid.campaign.records import Scan
-from sysid.campaign.toml.errors import parse_toml
+from sysid.campaign.toml.reading import parse_toml
 from sysid.errors import SysidError
 from sysid.logs import registry
 from sysid.road import point_cloud, scan
@@ -150,7 +150,7 @@ class Bench:
         """How `check` ends with this campaign file (``refused``, ``rejected``, ``passed``), and its sentences."""
         with ExitStack() as stack:
             for target, replacement in (
-                ("sysid.campaign.toml.errors.parse_toml", lambda *_: parsed),
+                ("sysid.campaign.toml.reading.parse_toml", lambda *_: parsed),
                 ("sysid.campaign.inputs.logs.read_channels", self._channels),
                 ("sysid.workflow.inputs.read_point_cloud", self._points),
                 ("sysid.bookkeeping.check.analyse_scan", self._scan),

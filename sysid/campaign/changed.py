@@ -37,7 +37,7 @@ def changed_campaign(campaign: str | Path, name: str, changes: Mapping[str, Any]
     CampaignError
         If a key leads nowhere, the new file would be wrong, or `name` is no name for it.
     """
-    from sysid.campaign.toml.errors import validate
+    from sysid.campaign.toml.reading import validate
 
     content = campaign_file(campaign)
     target = content.path.parent / name

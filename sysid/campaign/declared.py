@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from sysid import limits
 from sysid.campaign.inputs import paths
 from sysid.errors import CampaignError
+from sysid.wording import shorten
 
 if TYPE_CHECKING:
     from sysid.campaign.toml import schema as s
@@ -46,7 +47,7 @@ def read_declared(path: str | Path, *, unfinished: bool = False) -> Declared:
     """
     content = paths.campaign_file(path)
     # pydantic takes a third of a second to import; those who only need the records do not pay for it.
-    from sysid.campaign.toml.errors import parse_toml, validate
+    from sysid.campaign.toml.reading import parse_toml, validate
     from sysid.campaign.toml.stand_ins import with_stand_ins
     from sysid.campaign.toml.todo import refuse_todos
 
@@ -78,6 +79,7 @@ def check_declared(path: str | Path) -> Declared:
         As :func:`read_declared`, or if a log or scan that the file names does not exist.
     """
     declared = read_declared(path)
+    _check_names(declared)
     for key, name in _named_files(declared.tables):
         label = f"{declared.file.name}: {key}"
         paths.check_name(name, label)
@@ -85,6 +87,35 @@ def check_declared(path: str | Path) -> Declared:
             # This says what is wrong, and which name was meant.
             paths.input_file(declared.file.parent, name, label, limits.LOG_BYTES)
     return declared
+
+
+def _check_names(declared: Declared) -> None:
+    """Refuse an unknown name of a load case, an axle, a body, a bump or a bridge, as its reader does after the logs."""
+    tables, vehicle = declared.tables, declared.vehicle
+    known = {
+        "load_case": ("load case", list(vehicle.load_cases)),
+        "axle": ("axle", [axle.name for axle in vehicle.vehicle.axles]),
+        "body": ("body", [body.name for body in vehicle.vehicle.bodies]),
+        "bump": ("scan", list(tables.scan)),
+        "bridge": ("bridge", list(tables.bridge)),
+    }
+    for key, entry in _entries(tables):
+        for field, (what, names) in known.items():
+            name = getattr(entry, field, None)
+            # Where the file has none at all, its reader says what is missing.
+            if name is not None and names:
+                vehicle.pick(name, names, f"{key}.{field}", what)
+
+
+def _entries(tables: s.CampaignFile) -> Iterator[tuple[str, object]]:
+    """Tests, and sensors that are used, with their keys."""
+    for kind in ("plank_drop", "bump_run", "road_drive", "prediction"):
+        for i, test in enumerate(getattr(tables.tests, kind)):
+            yield f"tests.{kind}[{i + 1}]", test
+    for kind in ("bump_run", "plank_drop"):
+        for column, sensor in getattr(tables.sensors, kind).items():
+            if sensor.unused is None:
+                yield f"sensors.{kind}.{shorten(column)}", sensor
 
 
 def _named_files(tables: s.CampaignFile) -> Iterator[tuple[str, str]]:

@@ -16,6 +16,10 @@ from sysid.campaign.bump_shapes import BumpShape as BumpShape
 from sysid.campaign.loggers import ClockFinding
 from sysid.campaign.priors import NamedPrior
 from sysid.campaign.roads import RoadCourse
+from sysid.campaign.sensor_kinds import AUXILIARY_KINDS as AUXILIARY_KINDS
+from sysid.campaign.sensor_kinds import KIND_DIMENSION as KIND_DIMENSION
+from sysid.campaign.sensor_kinds import SI_UNITS
+from sysid.campaign.sensor_kinds import SensorKind as SensorKind
 from sysid.campaign.units import Dimension, si_factor
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 
@@ -24,30 +28,6 @@ if TYPE_CHECKING:
 
 #: What holds the speed: a driver or servo at once, a tow at constant speed, a cruise control slowly, or nothing.
 SpeedHeld = Literal["servo", "towed", "cruise", "free"]
-DeclaredKind = Literal[
-    "suspension_deflection", "axle_acceleration", "body_acceleration", "pitch_rate", "speed", "air_pressure"
-]
-#: Also what follows from a reading: the extension of a bellows, from its pressure.
-SensorKind = Literal[DeclaredKind, "bellows_extension"]
-#: What each kind measures, and the SI unit of its values in memory.
-KIND_DIMENSION: Mapping[SensorKind, Dimension] = {
-    "suspension_deflection": "length",
-    "axle_acceleration": "acceleration",
-    "body_acceleration": "acceleration",
-    "pitch_rate": "angular rate",
-    "speed": "speed",
-    "air_pressure": "pressure",
-    "bellows_extension": "length",
-}
-_SI_UNITS: Mapping[Dimension, str] = {
-    "length": "m",
-    "acceleration": "m/s^2",
-    "angular rate": "rad/s",
-    "speed": "m/s",
-    "pressure": "Pa",
-}
-#: Kinds whose readings may be slower than those of the others. Pitch rates that are not count as vibration.
-AUXILIARY_KINDS: frozenset[SensorKind] = frozenset({"pitch_rate", "speed", "air_pressure"})
 
 
 @dataclass(frozen=True)
@@ -103,7 +83,7 @@ class Sensor:
     @property
     def si_unit(self) -> str:
         """Unit of the values in memory, such as ``m``."""
-        return _SI_UNITS[self.dimension]
+        return SI_UNITS[self.dimension]
 
     @property
     def unit_in_si(self) -> float:

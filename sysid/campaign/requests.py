@@ -7,12 +7,12 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from sysid import limits
-from sysid.campaign.records import BumpShape, Campaign, PredictionRequest
-from sysid.campaign.vehicle_records import Vehicle
 from sysid.errors import CampaignError
 
 if TYPE_CHECKING:
     from sysid.arrays import Stations
+    from sysid.campaign.records import BumpShape, Campaign, PredictionRequest
+    from sysid.campaign.vehicle_records import Vehicle
 
 #: Distance of the stations of a shape [m].
 STATION_STEP_M = 0.002

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from sysid.campaign.toml.errors import parse_toml
+from sysid.campaign.toml.reading import parse_toml
 from sysid.campaign.toml.todo import find_doubts, find_todos
 from sysid.cli.guarded import guarded
 from sysid.cli.invocation import command_line

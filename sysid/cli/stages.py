@@ -17,8 +17,6 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
 from sysid.cli.invocation import command_line, configured, same_command, tell
-from sysid.cli.progress import StageProgress
-from sysid.cli.tables import render
 from sysid.display import CommandHint
 from sysid.errors import CampaignError, NotConvergedError, OutputError, StoredResultsError, SysidError
 from sysid.files import write_text
@@ -29,6 +27,7 @@ from sysid.workflow.stages import EXPORT, RECORDS, SUMMARY
 
 if TYPE_CHECKING:
     from sysid.campaign.declared import Declared
+    from sysid.cli.progress import StageProgress
     from sysid.results.contents import Results
     from sysid.workflow import Calibration
 
@@ -118,6 +117,10 @@ def _run(
     declared = check_campaign(campaign)
     if (record := _record(name)) is not None:
         _command(record).refuse(declared, choices)
+    # Bars and tables take longer to load than the answer to a slip in the campaign file.
+    from sysid.cli.progress import StageProgress
+    from sysid.cli.tables import render
+
     with StageProgress(errors) as progress:
         progress.stage("reading campaign and logs")
         calibration, outcome = _compute(name, campaign, output, errors, progress, resume, choices)

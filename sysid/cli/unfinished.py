@@ -13,7 +13,6 @@ from sysid.campaign.toml.todo import Doubt, Todo, find_doubts, find_todos
 from sysid.cli.guarded import guarded
 from sysid.cli.invocation import next_command, tell
 from sysid.cli.stages import console, run_stage
-from sysid.cli.tables import render, show_command
 from sysid.errors import CampaignError, SysidError
 
 
@@ -27,13 +26,15 @@ def run_check(campaign: Path, output: Path, **choices: Any) -> int:
     if not todos:
         code = run_stage("check", campaign, output, **choices)
         if doubts and code != CampaignError.exit_code:
+            from sysid.cli.tables import render
+
             render(console(False), _doubts(doubts))
         return code
     return guarded("check", "Stopped; nothing was written.", partial(_check_logs, campaign, todos, doubts))
 
 
 def _todos_and_doubts(campaign: Path) -> tuple[tuple[Todo, ...], tuple[Doubt, ...]]:
-    from sysid.campaign.toml.errors import parse_toml
+    from sysid.campaign.toml.reading import parse_toml
 
     content = campaign_file(campaign)
     tables = parse_toml(content.data, content.name)
@@ -45,6 +46,7 @@ def _check_logs(
 ) -> int:
     from sysid.campaign.quality.check import check_quality
     from sysid.campaign.read import read_campaign
+    from sysid.cli.tables import render, show_command
     from sysid.workflow.stages.data import quality_blocks
 
     say = partial(tell, errors, "check")

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from sysid import limits
 from sysid.campaign.inputs.paths import check_name
-from sysid.campaign.toml.errors import parse_toml, validated
+from sysid.campaign.toml.errors import validated
+from sysid.campaign.toml.reading import parse_toml
 from sysid.campaign.toml.todo import refuse_todos
 from sysid.errors import CampaignError
 from sysid.fleet.folders import CAMPAIGN_FILE, campaign_folders

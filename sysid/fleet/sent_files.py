@@ -22,7 +22,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from sysid import limits
-from sysid.campaign.toml.errors import parse_toml
+from sysid.campaign.toml.reading import parse_toml
 from sysid.errors import CampaignError, OutputError
 from sysid.files import UNFINISHED
 from sysid.fleet.folders import CAMPAIGN_FILE

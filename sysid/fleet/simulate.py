@@ -17,7 +17,7 @@ import numpy as np
 
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import AUXILIARY_KINDS, BumpRun, Campaign
-from sysid.campaign.toml.errors import parse_toml
+from sysid.campaign.toml.reading import parse_toml
 from sysid.campaign.toml.text import quoted, toml_key, value_text
 from sysid.errors import CampaignError
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters

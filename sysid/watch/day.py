@@ -13,7 +13,7 @@ from typing import Any
 from sysid.campaign.changed import tables_text
 from sysid.campaign.declared import read_declared
 from sysid.campaign.inputs.paths import campaign_file, relative_name
-from sysid.campaign.toml.errors import parse_toml
+from sysid.campaign.toml.reading import parse_toml
 from sysid.errors import CampaignError, SysidError
 from sysid.files import read_json, write_text
 from sysid.first_look import FirstLook, campaign_text, first_look

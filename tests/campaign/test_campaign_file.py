@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sysid.campaign import BumpShape, RoadCourse, read_campaign
-from sysid.campaign.toml.errors import validate
+from sysid.campaign.toml.reading import validate
 from sysid.campaign.units import angle_rad, pressure_pa, si_factor, speed_m_s
 from sysid.errors import CampaignError, DataRejectedError, SysidError
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters

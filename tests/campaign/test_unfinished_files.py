@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from sysid.campaign.read import read_campaign
-from sysid.campaign.toml.errors import validate
+from sysid.campaign.toml.reading import validate
 from sysid.campaign.toml.stand_ins import with_stand_ins
 from sysid.campaign.toml.todo import find_doubts, find_todos, refuse_todos
 from sysid.campaign.toml.vehicle_tables import VehicleReader

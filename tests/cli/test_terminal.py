@@ -220,10 +220,11 @@ def test_findings_of_one_kind_are_said_once_and_good_channels_counted() -> None:
     assert all(f.column not in text for f in report.channels if f.verdict == "good")
 
 
-@pytest.mark.parametrize("slip", ["key", "log", "missing"])
+@pytest.mark.parametrize("slip", ["key", "name", "log", "missing"])
 def test_a_slip_is_told_before_anything_heavy_is_loaded(tmp_path: Path, slip: str) -> None:
     text = (ROOT / "data" / "campaign.toml").read_text(encoding="utf-8")
     text = text.replace("\nname = ", "\nnmae = ", 1) if slip == "key" else text
+    text = text.replace('load_case = "loaded"', 'load_case = "laoded"', 1) if slip == "name" else text
     if slip != "missing":
         (tmp_path / "campaign.toml").write_text(text, encoding="utf-8")
     words = ["fit", str(tmp_path / "campaign.toml"), "--output", str(tmp_path / "o")]
@@ -231,11 +232,18 @@ def test_a_slip_is_told_before_anything_heavy_is_loaded(tmp_path: Path, slip: st
         "import sys\nfrom sysid.cli.main import cli\n"
         f"try:\n    cli({words!r})\n"
         "except SystemExit as ended:\n"
-        "    print(ended.code, sorted({'jax', 'scipy', 'pandas', 'matplotlib'} & set(sys.modules)))"
+        "    heavy = {'jax', 'scipy', 'pandas', 'matplotlib', 'rich.progress'}\n"
+        f"    heavy |= set() if {slip!r} in ('name', 'log') else {{'numpy', 'pydantic'}}\n"
+        "    print(ended.code, sorted(heavy & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT)
     assert done.stdout.strip() == "2 []", done.stderr
-    expected = {"key": "nmae", "log": "which does not exist", "missing": "There is no campaign file"}[slip]
+    expected = {
+        "key": "nmae",
+        "name": "did you mean 'loaded'",
+        "log": "which does not exist",
+        "missing": "There is no campaign file",
+    }[slip]
     assert expected in done.stderr
     assert not (tmp_path / "o").exists()
 

@@ -12,7 +12,7 @@ import pytest
 from studies.first_look.judging import Score, judged
 from studies.first_look.variants import VARIANTS, Variant, write_variant
 from sysid.campaign.statics import check_statics
-from sysid.campaign.toml.errors import validate
+from sysid.campaign.toml.reading import validate
 from sysid.campaign.toml.vehicle_tables import VehicleReader
 from sysid.cli.main import cli
 from sysid.errors import CampaignError, DataRejectedError

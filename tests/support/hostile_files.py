@@ -19,7 +19,7 @@ from plyfile import PlyData, PlyElement
 from studies.process import processor_seconds, reset_peak, status
 from sysid.campaign import Sensor, check_quality, read_campaign, read_log
 from sysid.campaign.records import Scan
-from sysid.campaign.toml.errors import parse_toml, validate
+from sysid.campaign.toml.reading import parse_toml, validate
 from sysid.errors import SysidError
 from sysid.road import analyse_scan, read_point_cloud
 from sysid.road.profile_files import bump_from_file

@@ -89,7 +89,8 @@ def bridge_from_file(path: Path, road_reader: RoadReader) -> BridgeDescription:
     DataRejectedError
         If a file that it names cannot be used.
     """
-    from sysid.campaign.toml.errors import parse_toml, validated
+    from sysid.campaign.toml.errors import validated
+    from sysid.campaign.toml.reading import parse_toml
     from sysid.campaign.toml.schema_bridge import BridgeFile
 
     label = shorten(path.name)

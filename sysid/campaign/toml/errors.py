@@ -1,82 +1,21 @@
-"""From the text of a campaign file to validated tables; every fault becomes one plain sentence."""
+"""What is wrong with the tables of a campaign file, in one plain sentence."""
 
 from __future__ import annotations
 
 import difflib
 import re
-import tomllib
 import types
 import typing
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from sysid.campaign.toml.bounds import check_bounds
-from sysid.campaign.toml.schema import CampaignFile
-from sysid.errors import CampaignError
-from sysid.wording import finish, nearest, shorten
+from sysid.campaign.toml.keys import SHOWN, one_sentence, unknown_key, where
+from sysid.wording import nearest, shorten
 
-SHOWN = 3  # problems named in one error
 _COMPARED = 100  # unknown keys compared with missing ones
 _LONGEST_SLIP = 200  # characters of a text or line that a remedy is looked for in: patterns take the square of it
 _Model = typing.TypeVar("_Model", bound=BaseModel)
-
-
-def parse_toml(content: bytes, label: str) -> dict[str, Any]:
-    """Decode and parse a TOML file.
-
-    Parameters
-    ----------
-    content : the bytes of the file: UTF-8 with or without byte order mark, or UTF-16 with one.
-    label : name of the file for messages.
-
-    Raises
-    ------
-    CampaignError
-        If it is not text, beyond the bounds of `sysid.limits`, or not TOML; line and column are named.
-    """
-    encoding = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-    try:
-        text = content.decode(encoding)
-    except UnicodeDecodeError as error:
-        raise CampaignError(f"{label} is not UTF-8 text (byte {error.start + 1}); save it as UTF-8.") from None
-    check_bounds(text, label)
-    try:
-        return tomllib.loads(text.replace("\r\n", "\n"))
-    except tomllib.TOMLDecodeError as error:
-        remedy = _remedy(text, str(error))
-        raise CampaignError(f"{label} is not valid TOML: {shorten(error, 200)}; {remedy}.") from None
-    except (ValueError, OverflowError, RecursionError):
-        raise CampaignError(
-            f"{label} is not valid TOML: a number is too long or tables are nested too deeply; correct it."
-        ) from None
-
-
-def _remedy(text: str, error: str) -> str:
-    """What to do about the line that an error names: decimal commas and paths of Windows are told apart."""
-    at = re.search(r"at line (\d+)", error)
-    lines = text.splitlines()
-    line = lines[int(at[1]) - 1] if at and int(at[1]) <= len(lines) else ""
-    # Behind an equals sign and no bracket, a comma between digits separates nothing.
-    comma = re.search(r"=\s*([+-]?\d+),(\d+)\s*(?:[,}#]|$)", line) if len(line) < _LONGEST_SLIP else None
-    if comma:
-        return f"write a decimal point: {comma[1]}.{comma[2]}"
-    return "write / in place of \\ in the names of files" if "\\" in line else "correct that line"
-
-
-def validate(data: dict[str, Any], label: str) -> CampaignFile:
-    """Check parsed TOML against schema 1.
-
-    Raises
-    ------
-    CampaignError
-        One sentence that names up to three problems, each with its key, what was found and the nearest valid name.
-    """
-    version = data.get("schema")
-    if version != 1 or isinstance(version, bool):
-        found = f"schema = {shorten(version)}" if "schema" in data else "no schema"
-        raise CampaignError(f"{label} has {found}, this program reads 'schema = 1'; put that line at the top.")
-    return validated(CampaignFile, _named_scans(data), label)
 
 
 def validated(model: type[_Model], data: dict[str, Any], label: str) -> _Model:
@@ -93,16 +32,7 @@ def validated(model: type[_Model], data: dict[str, Any], label: str) -> _Model:
         problems, count = _problems(error.errors(include_url=False), data, model)
     except RecursionError:
         problems, count = ["tables are nested too deeply"], 1
-    more = f"; and {count - len(problems)} more" if count > len(problems) else ""
-    raise CampaignError(finish(f"{label}: {'; '.join(problems)}{more}")) from None
-
-
-def _named_scans(data: dict[str, Any]) -> dict[str, Any]:
-    # [scan] with its own keys is the one bump of the campaign; [scan.NAME] tables are several.
-    scan = data.get("scan")
-    if isinstance(scan, dict) and scan and not all(isinstance(v, dict) for v in scan.values()):
-        return {**data, "scan": {"bump": scan}}
-    return data
+    raise one_sentence(label, problems, count) from None
 
 
 def _problems(errors: list[Any], data: dict[str, Any], model: type[BaseModel]) -> tuple[list[str], int]:
@@ -122,17 +52,17 @@ def _problems(errors: list[Any], data: dict[str, Any], model: type[BaseModel]) -
 
 
 def _sentence(error: Any, loc: tuple[str | int, ...], data: dict[str, Any], model: type[BaseModel]) -> str:
-    kind, where = error["type"], _where(loc, data)
+    kind, at = error["type"], where(loc, data)
     given = _as_written(error.get("input"))
     if kind == "extra_forbidden":
-        return f"{where} is not a known key; {nearest(loc[-1], _valid_keys(loc[:-1], model))}"
+        return unknown_key(loc, data, _valid_keys(loc[:-1], model))
     if kind == "missing":
-        return f"{where} is missing; add it"
+        return f"{at} is missing; add it"
     if kind == "value_error":
-        return f"{where} {error['ctx']['error']}"
+        return f"{at} {error['ctx']['error']}"
     if kind == "literal_error":
         options = [o.strip(" '") for o in error["ctx"]["expected"].replace(" or ", ", ").split(",")]
-        return f"{where} is {given}, expected {error['ctx']['expected']}; {nearest(error.get('input'), options)}"
+        return f"{at} is {given}, expected {error['ctx']['expected']}; {nearest(error.get('input'), options)}"
     expected = {
         "float_type": "a number",
         "int_type": "a whole number",
@@ -150,7 +80,7 @@ def _sentence(error: Any, loc: tuple[str | int, ...], data: dict[str, Any], mode
         expected = expected.replace("input should be ", "").replace(" should have", " with")
         if expected.startswith(("greater", "less")):
             expected = f"a number {expected}"
-    return f"{where} is {given}, expected {shorten(expected, 120)}{_without_quotes(error.get('input'), expected)}"
+    return f"{at} is {given}, expected {shorten(expected, 120)}{_without_quotes(error.get('input'), expected)}"
 
 
 def _without_quotes(value: object, expected: str) -> str:
@@ -178,20 +108,6 @@ def _as_written(value: object) -> str:
     if isinstance(value, int) and abs(value) >= 10**15:
         return "a huge number"
     return f"'{shorten(value)}'" if isinstance(value, str) else shorten(value)
-
-
-def _where(loc: tuple[str | int, ...], data: dict[str, Any]) -> str:
-    """Key path with entries counted from 1, and the name of the entry where it has one."""
-    path, label, at = "", "", typing.cast(Any, data)
-    for part in loc:
-        path += f"[{part + 1}]" if isinstance(part, int) else f"{'.' if path else ''}{shorten(part, 40)}"
-        try:
-            at = at[part]
-        except (KeyError, IndexError, TypeError):
-            at = None
-        if isinstance(part, int) and isinstance(at, dict):
-            label = next((str(at[k]) for k in ("name", "file", "case") if isinstance(at.get(k), str)), "")
-    return f"{path} ('{shorten(label)}')" if label else path
 
 
 def _valid_keys(loc: tuple[str | int, ...], model: type[BaseModel]) -> list[str]:

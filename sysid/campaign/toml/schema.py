@@ -1,16 +1,15 @@
 """The campaign file, schema 1: every key with its type and range; unknown keys are errors."""
 
-from __future__ import annotations
-
 import datetime
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, StrictBool, StrictStr, model_validator
 
 from sysid import limits
-from sysid.campaign.records import KIND_DIMENSION, BumpShape, DeclaredKind
+from sysid.campaign.bump_shapes import BumpShape
 from sysid.campaign.requests import shape_fault
 from sysid.campaign.roads import RoadClass
+from sysid.campaign.sensor_kinds import KIND_DIMENSION, DeclaredKind
 from sysid.campaign.toml.schema_bridge import BridgeTable
 from sysid.campaign.toml.schema_fields import (
     TEXT_LENGTH,
@@ -115,7 +114,7 @@ class RunSensorTable(_SensorTable):
     column: Name | None = None
 
     @model_validator(mode="after")
-    def _place_of_kind(self) -> RunSensorTable:
+    def _place_of_kind(self) -> Self:
         if self.unused is not None:
             return self
         if self.kind == "speed":
@@ -163,7 +162,7 @@ class ScanTable(Table):
     profile: PathText | None = None
 
     @model_validator(mode="after")
-    def _cloud_or_profile(self) -> ScanTable:
+    def _cloud_or_profile(self) -> Self:
         if self.profile is not None:
             if self.model_fields_set - {"profile"}:
                 raise ValueError(
@@ -192,7 +191,7 @@ class PlankDropTable(LogTable):
     engine_off: StrictBool | None = None
 
     @model_validator(mode="after")
-    def _keys_of_release(self) -> PlankDropTable:
+    def _keys_of_release(self) -> Self:
         if (self.axle is None) == (not self.axles):
             raise ValueError("needs its axle; give axle, or axles where a body was lifted above several")
         if len(set(self.axles)) < len(self.axles):
@@ -221,7 +220,7 @@ class BumpRunTable(LogTable):
     speed_change_sd: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=0.5)] = 0.02
 
     @model_validator(mode="after")
-    def _one_or_several(self) -> BumpRunTable:
+    def _one_or_several(self) -> Self:
         if (self.file is None) == (not self.files):
             raise ValueError("needs its log; give file, or files with one log per logger")
         return self
@@ -249,7 +248,7 @@ class ShapeTable(Table):
     lateral_m: Position | None = None
 
     @model_validator(mode="after")
-    def _size_of_shape(self) -> ShapeTable:
+    def _size_of_shape(self) -> Self:
         sized = self.height_m is not None and self.length_m is not None
         if self.name == "file":
             others = self.model_fields_set - {"name", "file", "lateral_m"}
@@ -292,14 +291,14 @@ class RoadTable(Table):
     realisations: Annotated[int, Field(strict=True, ge=1, le=limits.ROAD_REALISATIONS)] = 1
     file: PathText | None = None
     lateral_m: Position | None = None
-    parts: Annotated[list[RoadTable], Field(max_length=20)] = []
+    parts: Annotated[list["RoadTable"], Field(max_length=20)] = []
     shape: ShapeTable | None = None
     at_m: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=limits.ROAD_LENGTH_M)] | None = None
     sunken: bool = False
     stress_exponent: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=1.0, le=12.0)] = 4.0
 
     @model_validator(mode="after")
-    def _one_kind(self) -> RoadTable:
+    def _one_kind(self) -> Self:
         given = [self.roughness is not None, self.file is not None, bool(self.parts)]
         if sum(given) != 1:
             raise ValueError("is of a class, from a file or of parts; give one of class, file and parts")
@@ -330,7 +329,7 @@ class PredictionTable(Table):
     gap_m: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1000.0)] = 10.0
 
     @model_validator(mode="after")
-    def _one_bump(self) -> PredictionTable:
+    def _one_bump(self) -> Self:
         given = [name for name in ("bump", "shape", "road", "bridge") if getattr(self, name) is not None]
         if len(given) > 1:
             raise ValueError(f"has both {given[0]} and {given[1]}; a pass goes over one of them")
@@ -380,5 +379,5 @@ class CampaignFile(Table):
     sensors: SensorsTable
     scan: Annotated[dict[Name, ScanTable], Field(max_length=100)] = {}
     bridge: Annotated[dict[Name, BridgeTable], Field(max_length=100)] = {}
-    tests: TestsTable = TestsTable()
+    tests: TestsTable = Field(default_factory=TestsTable)
     priors: Annotated[dict[Name, NamedPriorTable], Field(max_length=1000)] = {}

@@ -1,8 +1,6 @@
 """[bridge.NAME]: spans and supports, or influence lines and modes from files; and its surface."""
 
-from __future__ import annotations
-
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -32,7 +30,7 @@ class SurfaceTable(Table):
     bridge_at_m: Station | None = None
 
     @model_validator(mode="after")
-    def _class_or_file(self) -> SurfaceTable:
+    def _class_or_file(self) -> Self:
         if (self.roughness is None) == (self.file is None):
             raise ValueError("is of a class or from a file; give class or file")
         if self.file is not None:
@@ -62,7 +60,7 @@ class BridgeTable(Table):
     surface: SurfaceTable | None = None
 
     @model_validator(mode="after")
-    def _spans_or_files(self) -> BridgeTable:
+    def _spans_or_files(self) -> Self:
         if self.spans_m:
             self._check_spans()
         else:

@@ -1,7 +1,5 @@
 """Types of the entries of a campaign file, and what all of its tables share."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictStr

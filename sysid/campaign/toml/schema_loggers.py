@@ -1,7 +1,5 @@
 """Tables of how logs are written, and of loggers with a clock of their own."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field, StrictBool

@@ -1,9 +1,7 @@
 """Tables of the user's own priors: of one axle, and of any parameter by its name."""
 
-from __future__ import annotations
-
 import math
-from typing import Annotated
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
@@ -52,7 +50,7 @@ class NamedPriorTable(Table):
     log_sd: Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=20.0)] | None = None
 
     @model_validator(mode="after")
-    def _one_way(self) -> NamedPriorTable:
+    def _one_way(self) -> Self:
         given = [name for name in type(self).model_fields if getattr(self, name) is not None and name != "log_sd"]
         if len(given) != 1:
             raise ValueError("needs either a median with log_sd or a 90 % interval, once; for example median_N_per_m")

@@ -1,9 +1,7 @@
 """Tables of the vehicle and of its load cases."""
 
-from __future__ import annotations
-
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, StrictBool, StrictStr, model_validator
 
@@ -31,7 +29,7 @@ class FrameShapeTable(Table):
     rise: Annotated[list[Annotated[float, Field(strict=True, allow_inf_nan=False)]], Field(min_length=4, max_length=40)]
 
     @model_validator(mode="after")
-    def _points(self) -> FrameShapeTable:
+    def _points(self) -> Self:
         if len(self.x_m) != len(self.rise):
             raise ValueError(f"has {len(self.x_m)} values of x_m and {len(self.rise)} of rise; give pairs")
         if any(b <= a for a, b in pairwise(self.x_m)):
@@ -61,7 +59,7 @@ class BodyTable(Table):
     bending: BendingTable | None = None
 
     @model_validator(mode="after")
-    def _height_needs_hitch(self) -> BodyTable:
+    def _height_needs_hitch(self) -> Self:
         if self.hitch_height_m is not None and self.hitch_x_m is None:
             raise ValueError("has hitch_height_m without hitch_x_m; give both or neither")
         return self
@@ -103,7 +101,7 @@ class SpringTable(Table):
     force_N: Curve
 
     @model_validator(mode="after")
-    def _curve(self) -> SpringTable:
+    def _curve(self) -> Self:
         _check_curve(self.extension_m, self.force_N, "extension_m", "spring table")
         return self
 
@@ -115,7 +113,7 @@ class DamperTable(Table):
     force_N: Curve
 
     @model_validator(mode="after")
-    def _curve(self) -> DamperTable:
+    def _curve(self) -> Self:
         _check_curve(self.rate_m_s, self.force_N, "rate_m_s", "damper table")
         return self
 
@@ -151,7 +149,7 @@ class AxleTable(Table):
     priors: PriorsTable | None = None
 
     @model_validator(mode="after")
-    def _twins_within_track(self) -> AxleTable:
+    def _twins_within_track(self) -> Self:
         if self.track_m is not None and self.dual_spacing_m is not None and self.dual_spacing_m >= self.track_m:
             raise ValueError(
                 f"has a dual_spacing_m of {self.dual_spacing_m:g} and a track_m of {self.track_m:g}; the first is the "
@@ -171,7 +169,7 @@ class GroupTable(Table):
     load_share: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)] | None = None
 
     @model_validator(mode="after")
-    def _keys_of_kind(self) -> GroupTable:
+    def _keys_of_kind(self) -> Self:
         of_beam = {"mass_kg": self.mass_kg, "pitch_inertia_kg_m2": self.pitch_inertia_kg_m2}
         if self.kind == "beam":
             missing = [key for key, value in of_beam.items() if value is None]
@@ -211,7 +209,7 @@ class VehicleTable(Table):
     name: Name
     wheelbase_m: Length | None = None
     gravity_m_s2: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=9.0, le=10.0)] = 9.81
-    tolerances: TolerancesTable = TolerancesTable()
+    tolerances: TolerancesTable = Field(default_factory=TolerancesTable)
     body: Annotated[list[BodyTable], Field(min_length=1, max_length=20)]
     axle: Annotated[list[AxleTable], Field(min_length=1, max_length=40)]
     group: Annotated[list[GroupTable], Field(max_length=40)] = []
