@@ -17,7 +17,10 @@ _SAME_SPEED = 1.08
 
 
 def coverage_table(look: FirstLook) -> TextTable:
-    """Number of drops by axle and load case, and of runs by speed and load case: holes are seen at once."""
+    """Number of drops by axle and load case, and of runs by speed and load case: holes are seen at once.
+
+    "1 + 2?" are one that is known and two that are to be confirmed, which may belong elsewhere.
+    """
     unknown = [None] * any(entry.load_case is None for entry in look.tests)
     cases: list[str | None] = [*list(look.load_cases)[:_CASES], *unknown]
     # The whole table has room in 80 columns.
@@ -31,9 +34,15 @@ def coverage_table(look: FirstLook) -> TextTable:
     rows += [(f"runs, {speed} km/h", of_speed) for speed, of_speed in _by_speed(runs)]
     rows = [*([] if drops else [("drops", [])]), *rows, *([] if runs else [("runs", [])])]
     for title, entries in rows:
-        counts = [sum(e.load_case == case for e in entries) for case in cases]
-        table.add_row(title, *(str(n) if n else "none" for n in counts))
+        table.add_row(title, *(_cell([e for e in entries if e.load_case == case]) for case in cases))
     return table
+
+
+def _cell(entries: Sequence[EntryGuess]) -> str:
+    """How many: those known, and with a question mark those to be confirmed."""
+    known = sum(e.sure for e in entries)
+    open_ = len(entries) - known
+    return " + ".join([str(known)] * (known > 0) + [f"{open_}?"] * (open_ > 0)) or "none"
 
 
 def _by_speed(runs: Sequence[EntryGuess]) -> list[tuple[str, list[EntryGuess]]]:

@@ -198,6 +198,8 @@ def _axle(part: str, reading: Reading) -> tuple[AxleLabel, Side | None]:
     # "rear axle 2" is a repeat as likely as an axle, "HA2" is none, nor is it where another number counts repeats.
     glued = any(m[2] == str(number) and _names_axle(m[1]) for m in _GLUED.finditer(plain))
     keep = glued or (at_word and place is None) or (place is not None and plain != without_repeats)
+    # Nor which axle it is, where its word is any axle to one and one of a group to another.
+    keep = keep and not any(_names_axle(word) for word in reading.open_words)
     return AxleLabel(number if keep else None, place, within), side_of(reading)
 
 

@@ -114,7 +114,12 @@ def read_words(words: Sequence[str], beside: Beside = _ALONE) -> Reading:
         chosen = _chosen(found, fixed, beside.contrasts(words, i) if length == 1 else ())
         if chosen is not None:
             _add(said, chosen, words[i : i + length])
-        elif len(words[i]) > 1 or length > 1:
+            continue
+        if len(found) > 1:
+            # What all meanings have in common is said.
+            shared = set.intersection(*(set(_bare(m).items()) for m in found))
+            _add(said, dict(shared), words[i : i + length])
+        if len(words[i]) > 1 or length > 1:
             left.append(" ".join(words[i : i + length]))
     return Reading(tuple(words), said, tuple(left))
 

@@ -87,6 +87,10 @@ def test_letters_of_two_meanings_mean_what_the_columns_beside_them_do() -> None:
     assert [said.side for said in cut.values()] == [None, None]
     assert columns_say(["acc_essieu_2_gche", "acc_essieu_2_dr"])["acc_essieu_2_dr"].side == "right"
     assert columns_say(["Beschl der Achse 1 g"])["Beschl der Achse 1 g"].side is None
+    # The first driven axle, or axle 1.
+    assert path_says("vide/marche pont 1 2").axle == path_says("vide/marche 2").axle
+    assert path_says("vide/marche essieu 1 2").axle.number == 1
+    assert (column_says("acc pont 1 g").kind, column_says("acc pont 1 g").doubts) == ("axle_acceleration", ("pont",))
     # Nothing beside it: nothing said, and marked.
     alone = column_says("FR1_Z")
     assert (alone.kind, alone.axle.place, alone.doubts) == (None, None, ("fr",))
