@@ -7,9 +7,13 @@ import io
 import math
 import re
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from sysid.wording import plain_line
+
+if TYPE_CHECKING:
+    import numpy as np
 
 #: What begins a formula, at the start of a cell or after what some countries' spreadsheets take for the end of one.
 #: Blanks before it are skipped.  Wide and small forms count as what NFKC makes of them, as some programs read them.
@@ -39,3 +43,11 @@ def csv_text(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     writer.writerow(head)
     writer.writerows(rows)
     return stream.getvalue()
+
+
+def columns_text(columns: Mapping[str, np.ndarray]) -> str:
+    """The text of a CSV file with these columns of numbers of one length, seven digits, empty where not known."""
+    row = ",".join(["%.7g"] * len(columns))
+    table = zip(*(values.tolist() for values in columns.values()), strict=True)
+    body = "".join(f"{row % numbers}\n" for numbers in table)
+    return csv_text(tuple(columns), ()) + body.replace("nan", "")

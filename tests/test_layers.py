@@ -194,6 +194,7 @@ SHOWN = {
     "results.headline",
     "results.next_steps",
     "results.pass_limits",
+    "results.worst_effects",
     "sdof.drop_results",
     "validation.channel_agreement",
     "wording",

@@ -120,7 +120,8 @@ def train_effect(line: InfluenceLine, load_N: Sequence[float], x_m: Sequence[flo
     ----------
     load_N, x_m : loads and distances behind the first axle (na,).
     """
-    return max(float(_along(line, np.asarray(load_N, float), x, length_m, False).max()) for x in _both_ways(x_m))
+    load = np.asarray(load_N, float)
+    return max(float(_along(line, load, x, length_m, False).max()) for x in _both_ways(load, x_m))
 
 
 def model_effect(bridge: Bridge, line: InfluenceLine, model: LoadModel, sense: float = 1.0) -> float:
@@ -141,16 +142,19 @@ def model_effect(bridge: Bridge, line: InfluenceLine, model: LoadModel, sense: f
     )
 
 
-def _both_ways(x_m: Sequence[float]) -> Iterator[np.ndarray]:
+def _both_ways(load_N: np.ndarray, x_m: Sequence[float]) -> Iterator[np.ndarray]:
+    """Distances behind the first axle in either direction, once where both are the same."""
     x = np.asarray(x_m, float)
     yield x
-    yield x[-1] - x
+    if not (np.array_equal(load_N, load_N[::-1]) and np.allclose(x[-1] - x[::-1], x, rtol=0.0, atol=1e-9)):
+        yield x[-1] - x
 
 
 def _worst_train(line: InfluenceLine, train: AxleTrain, length_m: float, sense: float) -> float:
     load = 1e3 * train.factor * np.array(train.load_kN)
     return max(
-        float(_along(line, sense * load, x, length_m, not train.whole).max(initial=0.0)) for x in _both_ways(train.x_m)
+        float(_along(line, sense * load, x, length_m, not train.whole).max(initial=0.0))
+        for x in _both_ways(load, train.x_m)
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import signal
 import traceback
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 #: Name of the report in the output folder.
 REPORT_FILE = "report.html"
+#: Files written aside that are listed by name.
+_LISTED = 12
 #: Errors of the system that say no more than that nothing can be written here.
 _NO_WRITING = (errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT)
 
@@ -133,13 +136,21 @@ def _run(
         # Not by the console, which would fold long lines.
         click.echo(result_text(results), nl=False)
     render(screen, shown)
-    for path in () if as_json else outcome.written:
-        screen.print(str(path), markup=False, soft_wrap=True)
+    for line in () if as_json else _listed(outcome.written):
+        screen.print(line, markup=False, soft_wrap=True)
     if opens:
         import webbrowser
 
         webbrowser.open((outcome.written or (output / REPORT_FILE,))[0].resolve().as_uri())
     return _exit_code(outcome, calibration.settings.quick)
+
+
+def _listed(written: Sequence[Path]) -> list[str]:
+    """Paths of files; of many, how many each folder holds."""
+    if len(written) <= _LISTED:
+        return [str(path) for path in written]
+    count = Counter(path.parent for path in written)
+    return [f"{number} files in {folder}" for folder, number in count.items()]
 
 
 def _blocks(name: str, outcome: _Outcome, results: Results, output: Path) -> Blocks:

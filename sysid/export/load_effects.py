@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.csv_cells import csv_text, escape_cell, number_cell
+from sysid.csv_cells import columns_text, csv_text, escape_cell, number_cell
 from sysid.export.naming import prediction_files, speed_km_h
 from sysid.files import write_text
 
@@ -74,10 +74,7 @@ def effect_histories_csv(loads: BridgeLoads) -> str:
         columns[f"{title} static"] = loads.static[k]
         for key, band in (("q05", loads.history.q05), ("q50", loads.history.q50), ("q95", loads.history.q95)):
             columns[f"{title} {key}"] = np.full(len(loads.time_s), np.nan) if band is None else band[k]
-    # A report that shows no bridge does not load pandas.
-    import pandas as pd
-
-    return pd.DataFrame(columns).to_csv(index=False, lineterminator="\n", float_format="%.7g")
+    return columns_text(columns)
 
 
 def load_effect_texts(passes: Sequence[PassPrediction], table: str, trust: str | None = None) -> dict[str, str]:

@@ -56,6 +56,11 @@ class LoadEffect:
         """The name, and the sense where it is not the largest value."""
         return self.name if self.sense == "largest" else f"{self.name}, {self.sense}"
 
+    @property
+    def size(self) -> float:
+        """Size of the dynamic load effect, median, in its unit."""
+        return abs(float(self.dynamic.q50[0]))
+
 
 @dataclass(frozen=True)
 class BridgeLoads(Tabular):

@@ -18,6 +18,7 @@ from sysid.report.drawing import Drawing, Draws, drawn
 from sysid.report.figures import Gallery, Picture
 from sysid.results import Results
 from sysid.results.pass_limits import pass_name
+from sysid.results.worst_effects import worst_effects
 
 if TYPE_CHECKING:
     from sysid.prediction.bridge_effects import LoadEffect
@@ -60,22 +61,14 @@ def shown_effects(passes: Sequence[PassPrediction]) -> tuple[tuple[PassPredictio
 
     The strongest of every kind and sense come first, then the others in their order.
     """
-    worst: dict[str, tuple[PassPrediction, LoadEffect]] = {}
-    for p in passes:
-        for e in () if p.bridge is None else p.bridge.effects:
-            if e.title not in worst or _size(e) > _size(worst[e.title][1]):
-                worst[e.title] = p, e
+    worst = worst_effects(passes)
     strongest: dict[tuple[str, str], LoadEffect] = {}
     for _, e in worst.values():
         known = strongest.get((e.kind, e.sense))
-        if known is None or _size(e) > _size(known):
+        if known is None or e.size > known.size:
             strongest[e.kind, e.sense] = e
     first = [e.title for e in strongest.values()]
     return tuple(worst[title] for title in dict.fromkeys((*first, *worst)))[:_SHOWN]
-
-
-def _size(effect: LoadEffect) -> float:
-    return abs(float(effect.dynamic.q50[0]))
 
 
 def effect_pictures(results: Results, gallery: Gallery) -> list[Picture | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -125,47 +126,70 @@ def _warped_errors(pairs: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """Sum |s - m| over sum |m| along the cheapest warping path of every pair (measured, simulated).
 
     The path minimises the sum of (s - m)^2 from first to last samples within the window. Cells (i simulated, j
-    measured) are visited by diagonals i + j = d, all pairs at once. Every cell stores both sums of its own path, so no
-    path has to be traced back. At equal costs the order of preference is: only the simulated history advances, only the
-    measured one, both.
+    measured) are visited by diagonals i + j = d, all pairs at once; column k of a diagonal is the cell with
+    i - j = 2 k - width + (d odd). At equal costs the order of preference is: only the simulated history advances, only
+    the measured one, both.
     """
     if not pairs:
         return np.zeros(0)
     length = np.array([m.size for m, _ in pairs])
     radius = np.ceil(_WARPING_WINDOW * length)[:, None]
     most = int(length.max())
-    # Column k of a diagonal is the cell with i - j = 2 k - width + (d odd).
     width = 2 * int(np.ceil(radius.max() / 2.0))
     s, m = _laid_out(pairs, most, width)
     offset = 2 * np.arange(width + 1) - width
     outside = [np.where(np.abs(offset + odd) < radius, 0.0, np.inf) for odd in (0, 1)]
     # Three diagonals in turn; one more column on either side for neighbours outside the window.
     cost = np.full((3, len(pairs), width + 3), np.inf)
-    difference, size = np.zeros((2, 3, len(pairs), width + 3))
-    errors = np.zeros(len(pairs))
-    for d in range(2 * most - 1):
+    # How the best path comes to each cell: whether only the measured history advances, and whether both do.
+    came = np.zeros((2, 2 * most - 1, len(pairs), width + 1), bool)
+    cost[0][:, 1 + width // 2] = (s[:, width] - m[:, width + most - 1]) ** 2
+    for d in range(1, 2 * most - 1):
         odd = d % 2
         first_i, first_j = (d + odd - width) // 2, (d - odd + width) // 2
-        simulated = s[:, first_i + width : first_i + 2 * width + 1]
-        measured = m[:, most - 1 - first_j + width : most - first_j + 2 * width]
-        here, last, before = d % 3, (d - 1) % 3, (d - 2) % 3
-        left, right, middle = slice(odd, odd + width + 1), slice(odd + 1, odd + width + 2), slice(1, width + 2)
-        step = np.abs(simulated - measured)
-        if d == 0:
-            cost[here][:, middle] = np.where(offset == 0, step**2, np.inf)
-            difference[here][:, middle], size[here][:, middle] = step, np.abs(measured)
-        else:
-            alone, waiting, both = cost[last][:, left], cost[last][:, right], cost[before][:, middle]
-            later, joint = waiting < alone, both < np.minimum(alone, waiting)
-            least = np.minimum(np.minimum(alone, waiting), both)
-            cost[here][:, middle] = least + step**2 + outside[odd]
-            for total, increment in ((difference, step), (size, np.abs(measured))):
-                carried = np.where(later, total[last][:, right], total[last][:, left])
-                total[here][:, middle] = np.where(joint, total[before][:, middle], carried) + increment
-        for row in np.flatnonzero(d == 2 * (length - 1)):
-            error, scale = (float(total[here, row, width // 2 + 1]) for total in (difference, size))
-            errors[row] = error / scale if scale > 0.0 else (np.inf if error > 0.0 else 0.0)
-    return errors
+        step = (
+            s[:, first_i + width : first_i + 2 * width + 1]
+            - m[:, most - 1 - first_j + width : most - first_j + 2 * width]
+        )
+        last, before = cost[(d - 1) % 3], cost[(d - 2) % 3]
+        alone, waiting, both = last[:, odd : odd + width + 1], last[:, odd + 1 : odd + width + 2], before[:, 1:-1]
+        least = np.minimum(alone, waiting)
+        np.less(waiting, alone, out=came[0, d])
+        np.less(both, least, out=came[1, d])
+        step *= step
+        step += outside[odd]
+        step += np.minimum(least, both, out=least)
+        cost[d % 3][:, 1:-1] = step
+    return _path_errors(pairs, came, width)
+
+
+def _path_errors(pairs: list[tuple[np.ndarray, np.ndarray]], came: np.ndarray, width: int) -> np.ndarray:
+    """Sum |s - m| over sum |m| along paths that are followed back from the last samples to the first."""
+    row = np.arange(len(pairs))
+    measured, simulated = (np.zeros((len(pairs), max(m.size for m, _ in pairs))) for _ in range(2))
+    for k, (m, s) in enumerate(pairs):
+        measured[k, : m.size], simulated[k, : s.size] = m, s
+    i = np.array([m.size - 1 for m, _ in pairs])
+    j = i.copy()
+    path = []
+    while True:
+        begun = i + j == 0
+        path.append((i, j, begun))
+        if begun.all():
+            break
+        waited, both = came[:, i + j, row, (i - j + width) // 2]
+        i, j = i - ((both | ~waited) & ~begun), j - ((both | waited) & ~begun)
+    i, j, begun = (np.array(of) for of in zip(*path, strict=True))
+    # Shorter paths wait at the first samples, which count once.
+    weight = np.ones(begun.shape)
+    weight[1:] = ~(begun[1:] & begun[:-1])
+    # Exact sums: a pair is rated the same alone and among others.
+    error, scale = (
+        np.array([math.fsum(of_pair) for of_pair in (weight * np.abs(values)).T])
+        for values in (simulated[row, i] - measured[row, j], measured[row, j])
+    )
+    silent = np.where(error > 0.0, np.inf, 0.0)
+    return np.where(scale > 0.0, error / np.where(scale > 0.0, scale, 1.0), silent)
 
 
 def _laid_out(pairs: list[tuple[np.ndarray, np.ndarray]], most: int, width: int) -> tuple[np.ndarray, np.ndarray]:

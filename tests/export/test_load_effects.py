@@ -7,9 +7,11 @@ import io
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from bridge_results import loads, over
 
+from sysid.csv_cells import columns_text
 from sysid.export.load_effects import (
     concurrent_csv,
     effect_histories_csv,
@@ -45,6 +47,12 @@ def test_concurrent_values_and_histories():
     assert len(table) == 21
     at = [float(r["moment at 10 m [N m] q95"]) for r in table]
     assert np.allclose(at, 1.1 * loads().history.q50[0], rtol=1e-6, atol=1.0)
+
+
+def test_columns_of_numbers_are_as_pandas_writes_them():
+    values = np.random.default_rng(4).normal(size=50) * 10.0 ** np.arange(-25, 25)
+    columns = {"a, m": values, "nan": np.where(values > 0, values, np.nan), 'b "c"': np.full(50, np.nan)}
+    assert columns_text(columns) == pd.DataFrame(columns).to_csv(index=False, lineterminator="\n", float_format="%.7g")
 
 
 def test_the_document_is_as_the_schema_says():

@@ -11,7 +11,7 @@ from sysid.display import TextTable
 from sysid.limits import BRIDGE_VEHICLES, ROAD_LENGTH_M, ROAD_REALISATIONS
 from sysid.workflow.requested_passes import BUMP_SHAPES, refuse_passes, requested_passes
 from sysid.workflow.stage import Aside, Blocks, Command, Context, Option, Whole
-from sysid.workflow.stages.bridges import shown_bridge
+from sysid.workflow.stages.bridges import shown_bridges
 from sysid.workflow.stages.cells import finite_cell
 from sysid.workflow.stages.data import SCAN
 from sysid.workflow.stages.fit import FIT, fit_state, shown_determined
@@ -105,8 +105,6 @@ def show_predict(predictions: Predictions, results: Results) -> Blocks:
     axles = results.campaign.vehicle.axles
     for p in predictions.passes:
         if p.bridge is not None:
-            yield from shown_bridge(p, p.bridge)
-            yield from p.warnings
             continue
         columns = ("axle", "static kN", "peak kN", "90 % interval", "median", "90 % interval", "load coefficient")
         table = TextTable(
@@ -138,6 +136,7 @@ def show_predict(predictions: Predictions, results: Results) -> Blocks:
         if p.wheels is not None:
             yield _heaviest_wheel(p, p.wheels)
         yield from p.warnings
+    yield from shown_bridges(predictions.passes)
     yield from _repeated(predictions)
     if predictions.source != "posterior":
         yield "There are no intervals: no posterior has been sampled yet (run, or sample)."
