@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import csd, welch
+from scipy.signal import csd, resample_poly, welch
 
 from sysid.balance.equations import DEPARTURES, Block, axle_force, departure_shares, shape_bases, suspension_forces
 from sysid.balance.laws import Unknown
@@ -26,20 +26,24 @@ from sysid.balance.records import AxleLoads
 from sysid.balance.search import Found, shapes_at
 from sysid.display import Z90
 
+#: Forces are used to 25 Hz: every second one will do where readings are at most this far apart [s].
+_CLOSE_S = 0.005
 #: Segments of the spectra [s], which overlap by half, as those of predicted loads.
 SEGMENT_S = 8.0
 #: Steps of derivatives by the laws, in standard deviations.
-_STEP = 0.1
+_PART = 0.1
 
 
 @dataclass(frozen=True)
 class Force:
     """Change of the road's force on one axle in one stretch: `value` (n,) [N], and its derivatives `by` (k, n).
 
-    `places` (k,) are those of the unknowns in the covariance of the balance. The force by displacements is
-    `mass` [kg] times the acceleration of the axle, less alpha + i omega beta, `dynamic`, times the deflection.
+    They are `step_s` [s] apart, the stretch's times :func:`fewer`. `places` (k,) are those of the unknowns in the
+    covariance of the balance. The force by displacements is `mass` [kg] times the acceleration of the axle, less
+    alpha + i omega beta, `dynamic`, times the deflection.
     """
 
+    step_s: float
     value: np.ndarray
     places: np.ndarray
     by: np.ndarray
@@ -52,6 +56,16 @@ class Force:
         by = -(alpha + 1j * omega[:, None] * beta) * deflections[axle]
         by[:, deflections.shape[1] - deflections.shape[0] + axle] -= self.mass * omega**2
         return np.asarray(by)
+
+
+def fewer(block: Block) -> int:
+    """Samples of a stretch for one of the forces."""
+    return 2 if block.stretch.step_s <= _CLOSE_S + 1e-9 else 1
+
+
+def slower(block: Block, values: np.ndarray) -> np.ndarray:
+    """Every so many of values (..., n), less what is too fast for them."""
+    return values if fewer(block) == 1 else np.asarray(resample_poly(values, 1, fewer(block), axis=-1, padtype="line"))
 
 
 def forces_of(block: Block, unknowns: Sequence[Unknown], found: Found) -> list[Force]:
@@ -70,62 +84,76 @@ def forces_of(block: Block, unknowns: Sequence[Unknown], found: Found) -> list[F
         steps = {}
         for j, u in enumerate(unknowns):
             if u.quantity == quantity and u.load_case in (case, None):
-                steps[j] = _STEP * max(float(sd[j]), 1e-6 * u.sd)
+                steps[j] = _PART * max(float(sd[j]), 1e-6 * u.sd)
                 moved[j] += steps[j]
         there = suspension_forces(block, unknowns, moved, shapes_at(unknowns, moved, na))
         for j, h in steps.items():
             for i in range(na) if unknowns[j].axle is None else (unknowns[j].axle or 0,):
-                by[i][j] = -(there[i] - pull[i]) / h
+                by[i][j] = slower(block, -(there[i] - pull[i]) / h)
     for j, change in enumerate(block.changes):
         if change is not None:
             for i in np.flatnonzero(change.unsprung).tolist():
-                by[i][count + j] = change.unsprung[i] * acceleration[i]
+                by[i][count + j] = slower(block, change.unsprung[i] * acceleration[i])
     omega = 2.0 * np.pi * np.fft.rfftfreq(n, step)
     shares = departure_shares(omega)
     departures = count + masses + na
     gains = departures + DEPARTURES * na
     readings = np.fft.rfft(block.stretch.readings, axis=1)[:, block.chosen].T
+    kept = n // fewer(block)
+
+    def back(spectrum: np.ndarray) -> np.ndarray:
+        return np.asarray(np.fft.irfft(spectrum[: kept // 2 + 1], kept) / fewer(block))
+
     forces = []
     for i in range(na):
         for part, spectrum in enumerate(shares * np.fft.rfft(pull[i])):
-            by[i][departures + DEPARTURES * i + part] = -np.fft.irfft(spectrum, n)
+            by[i][departures + DEPARTURES * i + part] = back(-spectrum)
         _, dynamic = axle_force(block, i, unknowns, found.values).force
         mass = float(block.matrices.unsprung_mass[i])
         linear = float(dynamic[0].real), float(dynamic[0].imag / block.omega[0])
-        force = Force(mass * acceleration[i] - pull[i], np.empty(0), np.empty(0), mass, linear)
+        value = slower(block, mass * acceleration[i] - pull[i])
+        force = Force(step * fewer(block), value, np.empty(0), np.empty(0), mass, linear)
         of_state = force.of_state(block.omega, i, stretching(block.matrices))
         of_readings = (of_state[:, None, :] @ block.gain)[:, 0] * readings
         for g, column in enumerate((of_readings @ block.of_gains).T):
             spectrum = np.zeros(omega.size, complex)
             spectrum[block.chosen] = column
-            by[i][gains + g] = np.fft.irfft(spectrum, n)
+            by[i][gains + g] = back(spectrum)
         forces.append(replace(force, places=np.array(list(by[i])), by=np.array(list(by[i].values()))))
     return forces
 
 
 def axle_loads(
-    blocks: Sequence[Block], unknowns: Sequence[Unknown], found: Found, scale_sd: float, gain_sd: float
+    driven: Sequence[tuple[Block, list[Force]]],
+    unknowns: Sequence[Unknown],
+    found: Found,
+    scale_sd: float,
+    gain_sd: float,
 ) -> tuple[AxleLoads, ...]:
     """Spectra and load coefficients of all axles, one record per log, from its longest stretch.
 
     Parameters
     ----------
-    blocks, unknowns, found
+    driven
+        Stretches of drives with their forces.
+    unknowns, found
         Of the balance.
     scale_sd, gain_sd
         Standard deviations of the logarithms of two factors that the balance does not see: on all masses, forces and
         loads at rest, and on all sensors.
     """
-    longest: dict[str, Block] = {}
-    for block in blocks:
+    longest: dict[str, tuple[Block, list[Force]]] = {}
+    for block, forces in driven:
         other = longest.get(block.passage.file)
-        if other is None or block.stretch.count > other.stretch.count:
-            longest[block.passage.file] = block
-    return tuple(_of_block(block, unknowns, found, scale_sd, gain_sd) for block in longest.values())
+        if other is None or block.stretch.count > other[0].stretch.count:
+            longest[block.passage.file] = block, forces
+    return tuple(_of_block(*each, len(unknowns), found, scale_sd, gain_sd) for each in longest.values())
 
 
-def _of_block(block: Block, unknowns: Sequence[Unknown], found: Found, scale_sd: float, gain_sd: float) -> AxleLoads:
-    step, n = block.stretch.step_s, block.stretch.count
+def _of_block(
+    block: Block, forces: Sequence[Force], laws: int, found: Found, scale_sd: float, gain_sd: float
+) -> AxleLoads:
+    step, n = forces[0].step_s, forces[0].value.size
     per_segment = min(n, round(SEGMENT_S / step))
     rate = 1.0 / step
     density, low, high, coefficient = [], [], [], []
@@ -138,17 +166,17 @@ def _of_block(block: Block, unknowns: Sequence[Unknown], found: Found, scale_sd:
     at_rest = np.zeros((static.size, found.covariance.shape[0]))
     for j, change in enumerate(block.changes):
         if change is not None:
-            at_rest[:, len(unknowns) + j] = change.static / static
+            at_rest[:, laws + j] = change.static / static
     left = _unexplained(block)
     _, by_noise = smoother(block.stretch, 2.0 * np.pi * frequency)
     ends = int(END_S / step)
     inside = slice(ends, n - ends)
     slow = np.fft.rfftfreq(n, step) <= frequency[kept][-1]
-    for i, force in enumerate(forces_of(block, unknowns, found)):
+    for i, force in enumerate(forces):
         _, raw = welch(force.value, rate, nperseg=per_segment)
         of_state = force.of_state(2.0 * np.pi * frequency, i, stretching(block.matrices))
-        noise = 2.0 * step * np.einsum("fx,fxy,fy->f", of_state, by_noise, np.conj(of_state)).real
-        other = np.interp(frequency, block.omega / (2.0 * np.pi), 2.0 * step * left[:, i])
+        noise = 2.0 * block.stretch.step_s * np.einsum("fx,fxy,fy->f", of_state, by_noise, np.conj(of_state)).real
+        other = np.interp(frequency, block.omega / (2.0 * np.pi), 2.0 * block.stretch.step_s * left[:, i])
         true = np.maximum(raw - noise, 1e-3 * raw)
         _, crossed = csd(force.value, force.by, rate, nperseg=per_segment)
         change = 2.0 * crossed.real.T

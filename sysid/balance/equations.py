@@ -90,6 +90,7 @@ class Block:
     `bands` are pairs of places among the frequencies; `unexplained` (bands, nu, nu) the covariance of forces that no
     law explains, filled in by the search. `gain` (F, nx, sensors) and `covariance` (F, nx, nx) of the smoother,
     `readings` (sensors, F); `of_gains` (sensors, g) is how far gains move with independent numbers of variance one.
+    `shapes` are those of `bases`.
     """
 
     passage: Passage
@@ -108,6 +109,7 @@ class Block:
     bases: dict[str, np.ndarray]
     of_gains: np.ndarray
     unexplained: np.ndarray
+    shapes: Shapes | None = None
 
     @property
     def columns(self) -> np.ndarray:
@@ -165,6 +167,9 @@ def _bands(count: int) -> list[tuple[int, int]]:
 
 def shape_bases(block: Block, shapes: Shapes) -> None:
     """Transforms of friction and dampers with their nonlinear numbers, and by these."""
+    if block.shapes is not None and block.shapes.same(shapes):
+        return
+    block.shapes = shapes
     q, rate, step = block.motion.deflection, block.motion.deflection_rate, block.stretch.step_s
     carried = block.matrices.carried_load[:, None]
     friction = [np.array([friction_state(x, z) for x in q]) for z in (shapes.slip, shapes.slip * np.exp(_STEPS[SLIP]))]

@@ -102,6 +102,11 @@ class Shapes:
     delay: np.ndarray
     slip: float
 
+    def same(self, other: Shapes) -> bool:
+        """Whether no number differs."""
+        equal = np.array_equal(self.saturation, other.saturation) and np.array_equal(self.delay, other.delay)
+        return equal and self.slip == other.slip
+
 
 def friction_state(deflection: np.ndarray, slip_m: float) -> np.ndarray:
     """phi (n,) of Dahl's friction along a path of deflections (n,) [m], from no force on.

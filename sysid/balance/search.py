@@ -93,7 +93,9 @@ def search(blocks: Sequence[Block], unknowns: Sequence[Unknown], considered: np.
         free = np.concatenate([linear | (rounds > _LINEAR), ~considered & (rounds > _LINEAR)])
         now = [balanced(b, unknowns, values, h, beside) for b, h in zip(blocks, horizontal, strict=True)]
         _explain(blocks, now, first=rounds == 1)
-        information, score = _information(blocks, now, np.concatenate([values, beside]), sd, count)
+        # The first rounds need nothing of what does not move.
+        needed = free if rounds <= _LINEAR else np.ones_like(free)
+        information, score = _information(blocks, now, np.concatenate([values, beside]), sd, count, needed)
         covariance = np.zeros_like(information)
         covariance[np.ix_(free, free)] = np.linalg.inv(information[np.ix_(free, free)])
         step = -covariance @ score
@@ -141,20 +143,25 @@ def _explain(blocks: Sequence[Block], now: Sequence[Balanced], first: bool) -> N
 
 
 def _information(
-    blocks: Sequence[Block], now: Sequence[Balanced], point: np.ndarray, sd: np.ndarray, count: int
+    blocks: Sequence[Block],
+    now: Sequence[Balanced],
+    point: np.ndarray,
+    sd: np.ndarray,
+    count: int,
+    needed: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Expected information (n, n) and score (n,) of -log posterior."""
+    """Expected information (n, n) and score (n,) of -log posterior, that of the data about `needed` (n,) alone."""
     information, score = np.diag(1.0 / sd**2), point / sd**2
     for block, found in zip(blocks, now, strict=True):
         cover = np.repeat(block.unexplained, [b - a for a, b in block.bands], axis=0)
         root = np.linalg.inv(np.linalg.cholesky(found.noise + cover))
-        weighed = root @ np.moveaxis(found.by, 2, 0).swapaxes(1, 2)
+        weighed = root @ np.moveaxis(found.by[needed], 2, 0).swapaxes(1, 2)
         left = root @ found.left.T[:, :, None]
         # Real and imaginary parts under each other make one product of real matrices.
-        flat = weighed.reshape(-1, sd.size)
+        flat = weighed.reshape(-1, int(needed.sum()))
         flat = np.concatenate([flat.real, flat.imag])
-        information += 2.0 * flat.T @ flat
-        score = score + 2.0 * np.sum(np.conj(weighed) * left, axis=(0, 1)).real
+        information[np.ix_(needed, needed)] += 2.0 * flat.T @ flat
+        score[needed] += 2.0 * np.sum(np.conj(weighed) * left, axis=(0, 1)).real
         score = score + _of_matrices(block, found, cover, root, left, sd.size, count)
     return information, score
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.balance.axle_loads import axle_loads
+from sysid.balance.axle_loads import axle_loads, forces_of
 from sysid.balance.equations import DEPARTURES, Block, MassChange, Passage, block_of
 from sysid.balance.laws import DAMPING, FRICTION, SLIP, STIFFNESS, UNITS, Unknown, unknowns_of
 from sysid.balance.motion import Stretch, smoothed, stretches_of, vertical_columns, with_noise_and_gains
@@ -86,9 +86,9 @@ def balance_forces(campaign: Campaign) -> ForceBalance:
     driven = {drive.log.file for drive in campaign.road_drives}
     shared_gain = math.sqrt(float(np.mean(gains.covariance)))
     scale = vehicle.tolerances.axle_load_scale
-    of_drives = [b for b in blocks if b.passage.file in driven]
+    of_drives = [(b, forces_of(b, unknowns, found)) for b in blocks if b.passage.file in driven]
     loads = axle_loads(of_drives, unknowns, found, scale, shared_gain)
-    tires, roads, said = tires_of(of_drives, unknowns, found, scale)
+    tires, roads, said = tires_of(of_drives, found, scale)
     return replace(balance, loads=loads, tires=tires, roads=roads, sentences=(*balance.sentences, *said))
 
 

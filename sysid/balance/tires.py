@@ -27,9 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from sysid.balance.axle_loads import Force, forces_of
+from sysid.balance.axle_loads import Force, fewer, slower
 from sysid.balance.equations import BAND_HZ, Block
-from sysid.balance.laws import Unknown
 from sysid.balance.motion import END_S, smoother, stretching
 from sysid.balance.records import BalanceEstimate, DrivenRoad
 from sysid.balance.search import Found
@@ -63,14 +62,14 @@ _SPOKE = 0.7
 class _Drive:
     """One stretch: motion and load of axles, the speed along it, and what windows and search make of them.
 
-    Arrays of windows are (F, na, w). `speed` (n,) [m/s], `centres` (w,) samples; `road` and `apart` are logarithms at
-    knots.
+    Arrays of windows are (F, na, w). `motion` and `load` of every axle over time [s]; `speed` (n,) [m/s], `centres`
+    (w,) samples; `road` and `apart` are logarithms at knots.
     """
 
     block: Block
     forces: list[Force]
-    motion: np.ndarray
-    load: np.ndarray
+    motion: list[CubicSpline]
+    load: list[CubicSpline]
     speed: np.ndarray
     omega: np.ndarray
     answer: np.ndarray
@@ -87,7 +86,11 @@ class _Drive:
 
     @property
     def window(self) -> int:
-        return round(_WINDOW_S / self.block.stretch.step_s)
+        return round(_WINDOW_S / self.step_s)
+
+    @property
+    def step_s(self) -> float:
+        return self.forces[0].step_s
 
     @property
     def centres(self) -> np.ndarray:
@@ -104,25 +107,25 @@ class _Drive:
 
     def move(self) -> None:
         """Windows of motion and load of every axle while it passes where axle 1 was."""
-        step, n = self.block.stretch.step_s, self.speed.size
+        step, n = self.step_s, self.speed.size
         time = step * np.arange(n)
         station = np.concatenate([[0.0], np.cumsum(0.5 * (self.speed[1:] + self.speed[:-1])) * step])
         behind = np.array([a.x_m for a in self.block.vehicle.axles])
         count = int(np.searchsorted(station, station[-1] - behind.max()))
         self.shifted_s = np.array([np.interp(station[:count] + x, station, time) for x in behind])
-        pairs = [(CubicSpline(time, v)(s) for v, s in zip(values, self.shifted_s, strict=True))
-                 for values in (self.motion, self.load)]  # fmt: skip
-        self.z, self.t = (np.stack([self.windows(v) for v in moved], axis=1) for moved in pairs)
+        self.z, self.t = (
+            np.stack([self.windows(at(s)) for at, s in zip(splines, self.shifted_s, strict=True)], axis=1)
+            for splines in (self.motion, self.load)
+        )
 
 
-def _drive(block: Block, unknowns: Sequence[Unknown], found: Found) -> _Drive | None:
-    step, speed = block.stretch.step_s, block.passage.speed_m_s
+def _drive(block: Block, forces: list[Force]) -> _Drive | None:
+    step, speed, n = forces[0].step_s, block.passage.speed_m_s, forces[0].value.size
     behind = max(a.x_m for a in block.vehicle.axles)
     needed = (_LEAST_WINDOWS + 1) / 2.0 * _WINDOW_S + 2.0 * END_S
-    if not speed or block.stretch.count * step < needed + 1.1 * behind / speed:
+    if not speed or n * step < needed + 1.1 * behind / speed:
         return None
-    inside = slice(int(END_S / step), block.stretch.count - int(END_S / step))
-    forces = forces_of(block, unknowns, found)
+    inside = slice(int(END_S / step), n - int(END_S / step))
     na, nu = len(forces), block.columns.size
     frequency = (
         np.arange(math.ceil(BAND_HZ[0] * _WINDOW_S), int(min(BAND_HZ[1], 0.4 / step) * _WINDOW_S) + 1) / _WINDOW_S
@@ -131,6 +134,8 @@ def _drive(block: Block, unknowns: Sequence[Unknown], found: Found) -> _Drive | 
     rows = stretching(block.matrices)
     of_load = np.array([f.of_state(omega, i, rows) for i, f in enumerate(forces)])
     _, covariance = smoother(block.stretch, omega)
+    # Of white noise, readings further apart keep the part below half of their frequency.
+    covariance = covariance / fewer(block)
     # The bodies follow the axles.
     m = block.matrices
     attachment, square = m.attachment[:, block.columns], np.ix_(block.columns, block.columns)
@@ -145,10 +150,12 @@ def _drive(block: Block, unknowns: Sequence[Unknown], found: Found) -> _Drive | 
     def hats(places: np.ndarray) -> np.ndarray:
         return np.array([np.interp(np.log(frequency), np.log(places), e) for e in np.eye(places.size)])
 
-    nothing = np.empty(0)
+    nothing, count = np.empty(0), n - 2 * inside.start
+    displaced = slower(block, block.motion.displacement[nu:])
+    motion, load = ([CubicSpline(step * np.arange(count), v[inside]) for v in values]
+                    for values in (displaced, [f.value for f in forces]))  # fmt: skip
     drive = _Drive(
-        block, forces, block.motion.displacement[nu:, inside], np.array([f.value[inside] for f in forces]),
-        np.full(block.stretch.count - 2 * inside.start, speed), omega, answer, covariance, of_load, knots, hats(knots),
+        block, forces, motion, load, np.full(count, speed), omega, answer, covariance, of_load, knots, hats(knots),
         hats(np.array(_APART_HZ)), nothing, np.log([0.1, 0.2, 0.5]), nothing, nothing, nothing,
     )  # fmt: skip
     drive.move()
@@ -298,8 +305,8 @@ def _carried(drives: Sequence[_Drive], fitted: _Fitted, found: Found) -> np.ndar
     n, total = fitted.kt.size, np.zeros((2 * fitted.kt.size, found.covariance.shape[0]))
     for drive in drives:
         point = _evaluate(drive, fitted.kt, fitted.ct, BAND_HZ[1])
-        begin = int(END_S / drive.block.stretch.step_s)
-        time = drive.block.stretch.step_s * np.arange(drive.speed.size)
+        begin = int(END_S / drive.step_s)
+        time = drive.step_s * np.arange(drive.speed.size)
         count = drive.speed.size
         own = np.linalg.inv(point.information[2 * n :, 2 * n :] + np.eye(drive.z.shape[2]) / _SPEED_SD**2)
         through = point.information[: 2 * n, 2 * n :] @ own
@@ -316,26 +323,28 @@ def _carried(drives: Sequence[_Drive], fitted: _Fitted, found: Found) -> np.ndar
 
 
 def tires_of(
-    blocks: Sequence[Block], unknowns: Sequence[Unknown], found: Found, scale_sd: float
+    driven: Sequence[tuple[Block, list[Force]]], found: Found, scale_sd: float
 ) -> tuple[tuple[BalanceEstimate, ...], tuple[DrivenRoad, ...], tuple[str, ...]]:
     """Tires of all axles per load case, speed and road of every drive, and sentences on what is not told.
 
     Parameters
     ----------
-    blocks, unknowns, found
-        Of the balance, from road drives.
+    driven
+        Stretches of drives with their forces.
+    found
+        Of the balance.
     scale_sd
         Standard deviation of the logarithm of a factor on all masses and forces.
     """
     estimates: list[BalanceEstimate] = []
     roads: list[DrivenRoad] = []
     sentences: list[str] = []
-    cases = list(dict.fromkeys(b.passage.load_case for b in blocks))
+    cases = list(dict.fromkeys(b.passage.load_case for b, _ in driven))
     for case in cases:
         drives = []
-        for block in blocks:
+        for block, forces in driven:
             if block.passage.load_case == case:
-                drive = _drive(block, unknowns, found)
+                drive = _drive(block, forces)
                 if drive is None:
                     sentences.append(
                         f"{block.passage.file} is too short to compare its axles: tires and road need 18 s and the "
@@ -401,7 +410,7 @@ def _road(drive: _Drive, fitted: _Fitted) -> DrivenRoad:
     point = _evaluate(drive, fitted.kt, fitted.ct, BAND_HZ[1])
     speed = float(drive.speed.mean())
     covariance = np.linalg.inv(point.variance_information)[:_KNOTS, :_KNOTS]
-    level = drive.road + math.log(2.0 * drive.block.stretch.step_s * speed)
+    level = drive.road + math.log(2.0 * drive.step_s * speed)
     wave = np.log(drive.knots / speed / REFERENCE_WAVE_NUMBER)
     design = np.stack([np.ones_like(wave), -wave], axis=1)
     weighted = design.T @ np.linalg.inv(covariance)

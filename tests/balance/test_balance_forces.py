@@ -126,6 +126,22 @@ def test_noise_and_gain_of_a_sensor_are_found_by_the_others():
     assert relative[stretch.columns.index("a1")] == pytest.approx(0.02 * 8 / 9, abs=0.006)
 
 
+def test_fast_logs_lose_what_is_above_the_band_and_nothing_of_the_band():
+    given = campaign()
+    time = 0.001 * np.arange(20_000)
+    # At steps of 5 ms, 230 Hz looks as 30 Hz.
+    below, above = np.sin(2 * np.pi * 12.0 * time), np.sin(2 * np.pi * 230.0 * time)
+    quiet = np.zeros(time.size, np.int8)
+    channels = given.bump_runs[0].log.channels
+    log = Log("fast.csv", 0.001, tuple(Channel(c.sensor, time, below + above, quiet) for c in channels))
+    (stretch,) = stretches_of(log, assemble(given.vehicle, given.load_cases["only"]))
+    assert stretch.step_s == pytest.approx(0.005)
+    inside = slice(100, stretch.count - 100)
+    picked = (below + above)[::5][: stretch.count]
+    assert np.max(np.abs(stretch.readings[0] - below[::5][: stretch.count])[inside]) < 0.005
+    assert np.max(np.abs(picked - below[::5][: stretch.count])[inside]) > 0.9
+
+
 def test_a_log_without_deflections_and_axles_tells_nothing():
     found = balance_forces(campaign(lost="qa"))
     assert found.estimates == ()
