@@ -1,5 +1,6 @@
 from .evidence import Disagreement as Disagreement
 from .evidence import disagreement as disagreement
+from .excitation import smooth_roads as smooth_roads
 from .records import AxleLoads as AxleLoads
 from .records import BalancedRecord as BalancedRecord
 from .records import BalanceEstimate as BalanceEstimate

@@ -32,7 +32,7 @@ from sysid.balance.motion import stretching
 
 #: Rounds of the search, the first ones for linear springs and dampers alone; shapes, horizontal forces and unexplained
 #: ones are renewed in each.
-_ROUNDS, _LINEAR = 40, 5
+_ROUNDS, LINEAR = 40, 5
 #: A search ends where no unknown moves by more than this share of its standard deviation.
 _CLOSE = 0.05
 #: Largest step of a logarithm, and of a departure in prior standard deviations.
@@ -68,7 +68,7 @@ def shapes_at(unknowns: Sequence[Unknown], values: np.ndarray, axles: int) -> Sh
     return Shapes(saturation, delay, float(unit * np.exp(logarithm)))
 
 
-def search(blocks: Sequence[Block], unknowns: Sequence[Unknown], considered: np.ndarray) -> Found:
+def search(blocks: Sequence[Block], unknowns: Sequence[Unknown], considered: np.ndarray, most: int = _ROUNDS) -> Found:
     """Search from the first values of all unknowns.
 
     Parameters
@@ -78,6 +78,8 @@ def search(blocks: Sequence[Block], unknowns: Sequence[Unknown], considered: np.
     considered
         (m + 7 na + g,) whether one of the others stays as declared: its tolerance widens the intervals and is not
         estimated (S. F. Schmidt's consider parameters, 1966), since what laws leave would move it.
+    most
+        Rounds after which it ends without having converged.
     """
     others = considered.size
     count = len(unknowns)
@@ -87,14 +89,14 @@ def search(blocks: Sequence[Block], unknowns: Sequence[Unknown], considered: np.
     linear = np.array([u.quantity in (STIFFNESS, DAMPING) for u in unknowns])
     converged, rounds, moved = False, 0, np.inf
     covariance, information = np.eye(sd.size), np.eye(sd.size)
-    for rounds in range(1, _ROUNDS + 1):
+    for rounds in range(1, most + 1):
         horizontal = _renewed(blocks, unknowns, values)
         # Far from the end, departures would explain what wrong springs leave.
-        free = np.concatenate([linear | (rounds > _LINEAR), ~considered & (rounds > _LINEAR)])
+        free = np.concatenate([linear | (rounds > LINEAR), ~considered & (rounds > LINEAR)])
         now = [balanced(b, unknowns, values, h, beside) for b, h in zip(blocks, horizontal, strict=True)]
         _explain(blocks, now, first=rounds == 1)
         # The first rounds need nothing of what does not move.
-        needed = free if rounds <= _LINEAR else np.ones_like(free)
+        needed = free if rounds <= LINEAR else np.ones_like(free)
         information, score = _information(blocks, now, np.concatenate([values, beside]), sd, count, needed)
         covariance = np.zeros_like(information)
         covariance[np.ix_(free, free)] = np.linalg.inv(information[np.ix_(free, free)])
@@ -102,7 +104,7 @@ def search(blocks: Sequence[Block], unknowns: Sequence[Unknown], considered: np.
         step[:count] *= min(1.0, float(np.min(limit / np.maximum(np.abs(step[:count]), 1e-12))))
         values, beside = values + step[:count], beside + step[count:]
         moved = float(np.max(np.abs(step[:count][linear]) / np.sqrt(np.diag(covariance))[:count][linear]))
-        if rounds > _LINEAR + 2 and moved < _CLOSE:
+        if rounds > LINEAR + 2 and moved < _CLOSE:
             converged = True
             break
     # With those that stay as declared goes what the others would do.

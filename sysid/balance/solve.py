@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sysid.balance.axle_loads import axle_loads, forces_of
 from sysid.balance.equations import DEPARTURES, Block, MassChange, Passage, block_of
 from sysid.balance.laws import DAMPING, FRICTION, SLIP, STIFFNESS, UNITS, Unknown, unknowns_of
-from sysid.balance.motion import Stretch, smoothed, stretches_of, vertical_columns, with_noise_and_gains
+from sysid.balance.motion import Gains, Stretch, smoothed, stretches_of, vertical_columns, with_noise_and_gains
 from sysid.balance.records import BalancedRecord, BalanceEstimate, ForceBalance, LawEstimate
 from sysid.balance.search import Found, search
 from sysid.balance.tires import tires_of
@@ -48,10 +48,38 @@ def balance_forces(campaign: Campaign) -> ForceBalance:
     ForceBalance
         Without estimates where vehicle or sensors do not allow a balance; `sentences` say why.
     """
+    posed = equations_of(campaign)
+    if isinstance(posed, str):
+        return ForceBalance((), (), (), (posed,), False, 0)
+    blocks, unknowns, gains = posed.blocks, posed.unknowns, posed.gains
+    found = search(blocks, unknowns, posed.considered)
+    balance = _result(campaign, blocks, unknowns, found, posed.files)
+    driven = {drive.log.file for drive in campaign.road_drives}
+    shared_gain = math.sqrt(float(np.mean(gains.covariance)))
+    scale = campaign.vehicle.tolerances.axle_load_scale
+    of_drives = [(b, forces_of(b, unknowns, found)) for b in blocks if b.passage.file in driven]
+    loads = axle_loads(of_drives, unknowns, found, scale, shared_gain)
+    tires, roads, said = tires_of(of_drives, found, scale)
+    return replace(balance, loads=loads, tires=tires, roads=roads, sentences=(*balance.sentences, *said))
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The balances of all stretches, their unknowns, which of the others stay as declared, and all `files`."""
+
+    blocks: list[Block]
+    unknowns: list[Unknown]
+    considered: np.ndarray
+    gains: Gains
+    files: list[str]
+
+
+def equations_of(campaign: Campaign) -> Equations | str:
+    """The balances of a campaign, or a sentence that says why there are none."""
     vehicle = campaign.vehicle
     refused = _refused(vehicle)
     if refused:
-        return _nothing(refused)
+        return refused
     records = [
         (run.log, Passage(run.log.file, run.load_case, run.expected_speed_m_s, HOLD_S[run.speed_held]))
         for run in campaign.bump_runs
@@ -63,7 +91,7 @@ def balance_forces(campaign: Campaign) -> ForceBalance:
     every = {p.load_case: assemble(vehicle, campaign.load_cases[p.load_case]) for _, p in records}
     pairs = [(p, s) for log, p in records for s in _told(log, p, every)]
     if not pairs:
-        return _nothing(
+        return (
             "No log has a stretch of 4 s with the motion of all frames and the deflections of all suspensions, so the "
             "balance of forces tells nothing; it needs a deflection (or the accelerations of axle and frame) at every "
             "axle and two accelerations, or one and a pitch rate, on every frame."
@@ -81,15 +109,7 @@ def balance_forces(campaign: Campaign) -> ForceBalance:
     unknowns = unknowns_of(vehicle, {n: m.carried_load for n, m in matrices.items()})
     considered = [f.quantity != INERTIA for f in masses.factors]
     considered += [False] * ((1 + DEPARTURES) * len(vehicle.axles) + len(gains.columns))
-    found = search(blocks, unknowns, np.array(considered, bool))
-    balance = _result(campaign, blocks, unknowns, found, [p.file for _, p in records])
-    driven = {drive.log.file for drive in campaign.road_drives}
-    shared_gain = math.sqrt(float(np.mean(gains.covariance)))
-    scale = vehicle.tolerances.axle_load_scale
-    of_drives = [(b, forces_of(b, unknowns, found)) for b in blocks if b.passage.file in driven]
-    loads = axle_loads(of_drives, unknowns, found, scale, shared_gain)
-    tires, roads, said = tires_of(of_drives, found, scale)
-    return replace(balance, loads=loads, tires=tires, roads=roads, sentences=(*balance.sentences, *said))
+    return Equations(blocks, unknowns, np.array(considered, bool), gains, [p.file for _, p in records])
 
 
 def _refused(vehicle: Vehicle) -> str:
@@ -101,10 +121,6 @@ def _refused(vehicle: Vehicle) -> str:
     if any(body.bending is not None for body in vehicle.bodies):
         return "The balance of forces takes frames as rigid, and one is declared to bend: it is left out."
     return ""
-
-
-def _nothing(why: str) -> ForceBalance:
-    return ForceBalance((), (), (), (why,), False, 0)
 
 
 def _told(log: Log, passage: Passage, matrices: Mapping[str, PlanarMatrices]) -> list[Stretch]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sysid.balance import ForceBalance, balance_forces
+from sysid.balance import ForceBalance, balance_forces, smooth_roads
 from sysid.campaign.records import Acquisition, Campaign, Channel, Log, RoadDrive, Sensor
 from sysid.campaign.vehicle_records import Axle, Body, LoadCase, Vehicle
 
@@ -43,8 +44,9 @@ def spectra(one_road: bool, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return omega, motion
 
 
-def drive(one_road: bool = True, told_m_s: float = SPEED) -> Campaign:
+def drive(one_road: bool = True, told_m_s: float = SPEED, rougher: float = 1.0, noise: float = 1.0) -> Campaign:
     omega, motion = spectra(one_road, 5)
+    motion = motion * np.sqrt(rougher)
     carried = LOADS - UNSPRUNG
     arm = X - float(carried @ X / carried.sum())
     frame = motion[0] - np.outer(arm, motion[1])
@@ -59,7 +61,7 @@ def drive(one_road: bool = True, told_m_s: float = SPEED) -> Campaign:
                 "a": Sensor(f"a{i}", "axle_acceleration", "m/s^2", axle=i),
                 "b": Sensor(f"b{i}", "body_acceleration", "m/s^2", body=0, x_m=float(X[i])),
             }[kind]
-            noisy = shown + sd * rng.normal(size=COUNT)
+            noisy = shown + noise * sd * rng.normal(size=COUNT)
             channels.append(Channel(sensor, STEP * np.arange(COUNT), noisy, np.zeros(COUNT, np.int8)))
     axles = tuple(
         Axle(f"axle {i}", 0, float(X[i]), float(UNSPRUNG[i]), 1.08 * float(KT[i]), 3e3, RADIUS, "leaf",
@@ -115,3 +117,20 @@ def test_a_short_drive_tells_no_tires() -> None:
     short = balance_forces(replace(given, road_drives=(replace(road, log=replace(road.log, channels=cut)),)))
     assert short.tires == ()
     assert any("too short" in s for s in short.sentences)
+
+
+def test_a_drive_that_is_too_smooth_says_what_to_drive():
+    """What `check` foresees is what the balance finds, and the road that it asks for is enough."""
+    smooth = drive(rougher=0.25, noise=10.0)
+    (said,) = smooth_roads(smooth)
+    found = balance_forces(smooth)
+    vague = [e for e in found.estimates if not e.determined]
+    assert vague
+    assert "of class A" in said
+    assert all(f"{e.name[0]} of axle {e.axle + 1}" in said for e in vague)
+    asked = re.search(r"over a road of class (\w)", said)
+    assert asked
+    rougher = 16e-6 * 4.0 ** "ABCD".index(asked[1]) / DENSITY
+    assert rougher > 0.25
+    assert all(e.determined for e in balance_forces(drive(rougher=rougher, noise=10.0)).estimates)
+    assert smooth_roads(drive(rougher=rougher, noise=10.0)) == []

@@ -36,12 +36,25 @@ def _check(context: Context) -> QualityReport:
     check_passes(read.predictions, read.vehicle, {s.name: s.length_m for s in crossed.scans}, read.file.name)
     return replace(
         report,
-        messages=(*report.messages, *(m for m in crossed.messages if m not in report.messages)),
+        messages=(
+            *report.messages,
+            *(m for m in crossed.messages if m not in report.messages),
+            *_smooth_drives(context.inputs.whole),
+        ),
         left_out=(*report.left_out, *crossed.left_out),
         speeds=tuple(replace(s, logged_m_s=report.logged_speeds_m_s.get(s.file)) for s in crossed.speeds),
         scans=crossed.scans,
         contradictions=crossed.contradictions,
     )
+
+
+def _smooth_drives(campaign: Campaign) -> list[str]:
+    """What drives of a campaign will not tell, and what to drive."""
+    if not campaign.road_drives:
+        return []
+    from sysid.balance import smooth_roads
+
+    return smooth_roads(campaign)
 
 
 def _rejected(report: QualityReport) -> list[ChannelFinding]:
@@ -155,7 +168,7 @@ def _finding_cells(f: ChannelFinding) -> tuple[str, ...]:
 CHECK = Whole(
     name="check",
     compute=_check,
-    code=("campaign", "road", "bookkeeping"),
+    code=("campaign", "road", "bookkeeping", "balance"),
     put=lambda results, report: replace(results, quality=report),
     warnings=_check_warnings,
     in_run="always",
