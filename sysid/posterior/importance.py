@@ -41,14 +41,15 @@ class ImportanceSample:
         """Whether so many draws suffice at this k: k < min(1 - 1 / log10 n, 0.7)."""
         return bool(self.pareto_k < min(1.0 - 1.0 / np.log10(len(self.draws)), 0.7))
 
-    @property
-    def sentence(self) -> str:
-        """What it says about the chain."""
+    def sentence(self, *, chain: bool) -> str:
+        """How good its draws are, where a chain came after it or, without `chain`, where they are the posterior."""
         found = (
             f"Importance sampling about the optimum: Pareto k {self.pareto_k:.2f}, {self.effective:.0f} of "
             f"{len(self.draws)} draws effective"
         )
-        return f"{found}; {'a chain was not needed' if self.is_reliable else 'a chain is needed'}."
+        if not self.is_reliable:
+            return f"{found}; a chain is needed."
+        return f"{found}; {'they would do for a preview' if chain else 'a chain was not needed'}."
 
     def resampled(self, groups: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Draws (groups, n / groups, 1, p) and log-densities, each group from its own share of the draws by weight."""

@@ -112,7 +112,7 @@ def sample_posterior(
             # The limit lies where convergence is not judged.
             diagnosis = _judged(history, options)
     sampled = _posterior(names, history, diagnosis, likelihood, options)
-    return replace(sampled, message=f"{sampled.message} {importance.sentence}")
+    return replace(sampled, message=f"{sampled.message} {importance.sentence(chain=True)}")
 
 
 def _without_chain(
@@ -121,6 +121,7 @@ def _without_chain(
     """The posterior from importance sampling alone, its draws in as many groups as there would be ensembles."""
     logs, log_probability = importance.resampled(options.ensembles, np.random.default_rng(options.seed))
     count, effective = len(names), importance.effective
+    preview = "Preview without a chain, not for use. " if options.preview else ""
     diagnosis = Diagnosis(0, np.ones(count), np.full(count, effective), diagnose(logs).rhat)
     draws = np.exp(logs)
     return Posterior(
@@ -135,7 +136,7 @@ def _without_chain(
         converged=not options.preview,
         preview=options.preview,
         likelihood=likelihood,
-        message=f"{'Preview without a chain, not for use. ' if options.preview else ''}{importance.sentence}",
+        message=f"{preview}{importance.sentence(chain=False)}",
         seed=options.seed,
     )
 

@@ -12,7 +12,7 @@ from sysid.estimates.suspension_values import Estimate
 from sysid.numbers import MISSING, decimals, fixed, interval, listing
 from sysid.report.cells import Cell, Table, axle_name, table
 from sysid.results import Results
-from sysid.results.headline import PeakLoad, higher_elsewhere, largest_loads, suspension_rows
+from sysid.results.headline import PeakLoad, largest_at_any_speed, largest_loads, suspension_rows
 
 if TYPE_CHECKING:
     from sysid.campaign.vehicle_records import LoadCase
@@ -25,7 +25,9 @@ def answer_table(results: Results) -> Table | None:
         return None
     pairs = [(row.stiffness, row.damping) for row in of_axles]
     kinds = dict.fromkeys(e.kind for pair in pairs for e in pair if e)
-    loads = {load.axle: load for load in largest_loads(results)}
+    driven = [load for load in largest_at_any_speed(results, as_driven=True) if load is not None]
+    shown = driven or largest_loads(results)
+    loads = {load.axle: load for load in shown}
     rows = []
     for row, pair in zip(of_axles, pairs, strict=True):
         # The load of an axle stands in the row of its load case, or in the first.
@@ -38,11 +40,12 @@ def answer_table(results: Results) -> Table | None:
         peak = [] if results.predictions is None else [Cell("") if load is None else _peak(load)]
         rows.append([axle_name(results, row.axle, row.load_case), *(_cell(e) for e in pair), *peak])
     caption = f"Per axle, both sides together; brackets: {listing(list(kinds))}"
-    if any(load.beyond for load in largest_loads(results)):
+    if any(load.beyond for load in shown):
         caption += "; * an extrapolation beyond the driven runs"
-    if more := higher_elsewhere(results):
-        caption += f". {more.rstrip('.')}"
-    head = ("axle", "k [kN/m]", "c [kN s/m]", *(() if results.predictions is None else ("peak load [kN]",)))
+    if driven:
+        caption += ". Peak as driven: the largest at any speed at which nothing goes beyond the driven runs"
+    what = "peak as driven [kN]" if driven else "peak load [kN]"
+    head = ("axle", "k [kN/m]", "c [kN s/m]", *(() if results.predictions is None else (what,)))
     return table(caption, head, rows, classes="answer-table")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
@@ -56,9 +57,9 @@ class Gallery:
         self._drawings.append(Drawing(draws, f"f{len(self._pictures)}", description or caption))
         return self._pictures[-1]
 
-    def draw(self) -> None:
-        """Draw all pictures."""
-        for picture, svg in zip(self._pictures, shared_with_helper(drawn, self._drawings), strict=True):
+    def draw(self, done: Callable[[float], None] = lambda share: None) -> None:
+        """Draw all pictures; `done` is told the share that is drawn."""
+        for picture, svg in zip(self._pictures, shared_with_helper(drawn, self._drawings, done), strict=True):
             # It was written and escaped by an XML serialiser; only this element may pass unescaped into the page.
             picture.svg = Markup(svg)
 

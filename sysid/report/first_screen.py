@@ -17,7 +17,6 @@ from sysid.report.figures import Gallery, Picture, run_words
 from sysid.report.load_tables import sweep_name
 from sysid.results import Results
 from sysid.results.headline import (
-    LoadAtSpeed,
     PeakLoad,
     SuspensionRow,
     in_thousands,
@@ -49,29 +48,27 @@ def truck_rows(results: Results) -> TruckRows:
     of_axles = suspension_rows(results)
     if not of_axles:
         return TruckRows([], None, "")
-    loads = largest_loads(results)
+    anywhere, driven = (largest_at_any_speed(results, as_driven=only) for only in (False, True))
+    # Without a speed that the runs back, and before any sweep, the passes that the campaign file asks for.
+    backed = any(driven)
+    loads = driven if backed else largest_loads(results)
     rows = [
         ("k [kN/m]", _per_axle(results, of_axles, "stiffness")),
         ("c [kN s/m]", _per_axle(results, of_axles, "damping")),
     ]
-    anywhere = largest_at_any_speed(results)
     if loads:
         rows += [
-            ("peak in pass [kN]", [_peak(load) for load in loads]),
-            ("pass", [load.pass_name for load in loads]),
-            (
-                "static there [kN]",
-                [f"{fixed(load.static_N / 1e3, 1)} ({fixed(100.0 * load.ratio, 0)} %)" for load in loads],
-            ),
+            ("peak as driven [kN]" if backed else "peak in pass [kN]", [_peak(load) for load in loads]),
+            ("static there [kN]", [_static(load) for load in loads]),
         ]
-        if anywhere:
-            rows.append((f"peak to {_fastest(results)} km/h [kN]", [_at_speed(load) for load in anywhere]))
+        if any(anywhere):
+            rows.append((f"peak to {_fastest(results)} km/h [kN]", [_peak(load) for load in anywhere]))
     else:
         case = next(iter(results.campaign.load_cases.values()))
         gravity = results.campaign.vehicle.gravity_m_s2
         rows.append(("static load [kN]", [fixed(gravity * mass / 1e3, 1) for mass in case.axle_loads_kg]))
-    peaks = [load.peak_N for load in anywhere or loads]
-    highest = int(np.argmax(peaks)) if loads else None
+    peaks = [0.0 if load is None else load.peak_N for load in (anywhere if any(anywhere) else loads)]
+    highest = int(np.argmax(peaks)) if any(peaks) else None
     kinds = dict.fromkeys(e.kind for row in of_axles for e in (row.stiffness, row.damping) if e)
     caption = (
         f"k, c and loads are of both sides of an axle together; ± is half of the {listing(list(kinds))}. One value "
@@ -80,12 +77,14 @@ def truck_rows(results: Results) -> TruckRows:
     if loads and results.predictions is not None:
         passes = count(len(results.predictions.passes), "predicted pass", "predicted passes")
         caption += (
-            f" Peak in pass: the largest of {passes} over the bump, and in which; static there: the load at rest in "
-            "that load case, and peak over it."
+            " Peak as driven: the largest at any speed at which nothing goes beyond the driven runs, and where"
+            if backed
+            else f" Peak in pass: the largest of {passes} over the bump, and in which"
         )
-        if anywhere:
+        caption += "; static there: the load at rest in that load case, and peak over it."
+        if any(anywhere):
             caption += f" Last row: the largest at any speed to {_fastest(results)} km/h; shaded: the largest of all."
-        if any(load.beyond for load in loads) or any(load.beyond for load in anywhere):
+        if any(load and load.beyond for load in (*loads, *anywhere)):
             caption += " * an extrapolation beyond the driven runs."
     return TruckRows(rows, highest, caption)
 
@@ -103,11 +102,6 @@ def truck_picture(results: Results, gallery: Gallery) -> list[Picture]:
 def _fastest(results: Results) -> str:
     assert results.predictions is not None
     return speed(max(float(sweep.speed_m_s.max()) for sweep in results.predictions.sweeps))
-
-
-def _at_speed(load: LoadAtSpeed) -> str:
-    value = fixed(load.peak_N / 1e3, 0) + ("*" if load.beyond else "")
-    return f"{value}\n{load.load_case}, {speed(load.speed_m_s)} km/h"
 
 
 def _per_axle(results: Results, rows: tuple[SuspensionRow, ...], quantity: str) -> list[str]:
@@ -132,8 +126,15 @@ def _value(e: Estimate) -> str:
     return fixed(value, places) + (f" ± {fixed(half, max(places, decimals(half, digits=1)))}" if half >= 0.0 else "")
 
 
-def _peak(load: PeakLoad) -> str:
-    return in_thousands(load.peak_N, load.low_N, load.high_N) + ("*" if load.beyond else "")
+def _peak(load: PeakLoad | None) -> str:
+    if load is None:
+        return MISSING
+    value = in_thousands(load.peak_N, load.low_N, load.high_N) + ("*" if load.beyond else "")
+    return f"{value}\n{load.pass_name}"
+
+
+def _static(load: PeakLoad | None) -> str:
+    return MISSING if load is None else f"{fixed(load.static_N / 1e3, 1)} ({fixed(100.0 * load.ratio, 0)} %)"
 
 
 def worst_picture(results: Results, gallery: Gallery) -> list[Picture]:

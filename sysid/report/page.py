@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -34,21 +35,22 @@ from sysid.results.pass_limits import half_declared_travel, undeclared_travel
 _QUANTITIES: tuple[Quantity, ...] = ("stiffness", "damping")
 
 
-def render_report(results: Results) -> str:
+def render_report(results: Results, done: Callable[[float], None] = lambda share: None) -> str:
     """The whole report as the text of one HTML page.
 
     Stages that have not run are named as such.  Everything that comes from the user (titles, names, files, columns,
-    notes, messages) is escaped; the page loads nothing, and its content security policy forbids it to.
+    notes, messages) is escaped; the page loads nothing, and its content security policy forbids it to.  `done` is told
+    the share of the figures that are drawn.
     """
-    return stamped("report.html", render_page("report.html", _content(results)), result_identity(results))
+    return stamped("report.html", render_page("report.html", _content(results, done)), result_identity(results))
 
 
-def write_report(results: Results, path: Path) -> None:
-    """Write the report to `path`, complete or not at all."""
-    write_text(path, render_report(results))
+def write_report(results: Results, path: Path, done: Callable[[float], None] = lambda share: None) -> None:
+    """Write the report to `path`, complete or not at all; `done` as for :func:`render_report`."""
+    write_text(path, render_report(results, done))
 
 
-def _content(results: Results) -> dict[str, Any]:
+def _content(results: Results, done: Callable[[float], None]) -> dict[str, Any]:
     gallery = figures.Gallery()
     drop_shown, drop_all = figures.drop_pictures(results, gallery)
     history_shown, history_all = figures.history_pictures(results, gallery)
@@ -66,7 +68,7 @@ def _content(results: Results) -> dict[str, Any]:
         **_provenance(results),
         "misfit": MISFIT,
     }
-    gallery.draw()
+    gallery.draw(done)
     return content
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,11 +32,14 @@ if TYPE_CHECKING:
     from sysid.road.road_profile import ScanAnalysis
 
 
-def write_paper_figures(results: Results, folder: Path) -> list[Path]:
+def write_paper_figures(
+    results: Results, folder: Path, done: Callable[[float], None] = lambda share: None
+) -> list[Path]:
     """Write what the finished stages can show of the paper's tables and figures to `folder`, as SVG and CSV.
 
     Source: Kwasniewski et al., Dynamic interaction between heavy vehicles and speed bumps; the file names carry the
     paper's numbers.  Figures 1 to 4 and 6a, 6b of the paper show parts of its finite element model and have none here.
+    `done` is told the share of the figures that are drawn.
     """
     texts: dict[str, str] = {}
     if (table := axle_load_table(results)) is not None:
@@ -61,7 +64,7 @@ def write_paper_figures(results: Results, folder: Path) -> list[Path]:
         forces = tuple(p for p in passes if p.suspension_force_N is not None)
         if forces:
             figures["figure_9b_suspension_force.svg"] = partial(_first_axle, forces, "force")
-    svgs = shared_with_helper(drawn, [Drawing(draws) for draws in figures.values()])
+    svgs = shared_with_helper(drawn, [Drawing(draws) for draws in figures.values()], done)
     texts |= dict(zip(figures, svgs, strict=True))
     identity = result_identity(results)
     for name, text in texts.items():

@@ -12,6 +12,7 @@ import numpy as np
 from sysid.display import NOT_DETERMINED
 from sysid.estimates.suspension_values import AxleEstimates, Estimate
 from sysid.numbers import MISSING, decimals, fixed, listing, speed
+from sysid.prediction.quantiles import Quantiles
 from sysid.results.contents import Judgement, Results, Trust
 from sysid.results.pass_limits import pass_name
 
@@ -92,10 +93,10 @@ def estimate_words(e: Estimate | None) -> str:
 
 @dataclass(frozen=True)
 class PeakLoad:
-    """The largest vertical load of an axle (index) in a predicted pass, both sides together [N].
+    """The largest vertical load of an axle (index) in a pass, both sides together [N].
 
-    `ratio` is it over `static_N`; `low_N`, `high_N` are the ends of its 90 % interval, None before sampling;
-    `off_road` whether the wheels leave the road; `beyond` whether the pass goes beyond the driven runs at this axle.
+    `ratio` is it over `static_N`; `low_N`, `high_N` are the ends of its 90 % interval, None before sampling; `beyond`
+    whether the pass goes beyond the driven runs at this axle.
     """
 
     axle: int
@@ -105,7 +106,6 @@ class PeakLoad:
     ratio: float
     low_N: float | None
     high_N: float | None
-    off_road: bool
     beyond: bool
 
     @property
@@ -117,14 +117,18 @@ class PeakLoad:
 def peak_loads(p: PassPrediction) -> tuple[PeakLoad, ...]:
     """Peak load of every axle in one pass, front to rear."""
     beyond = {e.axle for e in p.trust}
+    ratio = Quantiles(p.peak_ratio_q05, p.peak_ratio_q50, p.peak_ratio_q95)
+    return tuple(
+        _peak_load(axle, p.load_case, pass_name(p), p.static_load_N, ratio, axle in beyond)
+        for axle in range(len(p.static_load_N))
+    )
 
-    def of_axle(i: int) -> PeakLoad:
-        static = float(p.static_load_N[i])
-        low, high = (None if q is None else static * float(q[i]) for q in (p.peak_ratio_q05, p.peak_ratio_q95))
-        ratio = float(p.peak_ratio_q50[i])
-        return PeakLoad(i, p.load_case, pass_name(p), static, ratio, low, high, bool(p.lift_off[i]), i in beyond)
 
-    return tuple(of_axle(i) for i in range(len(p.static_load_N)))
+def _peak_load(axle: int, load_case: str, name: str, static_N: np.ndarray, ratio: Quantiles, beyond: bool) -> PeakLoad:
+    """Of the static loads and ratios of all axles in a pass, those of one."""
+    static = float(static_N[axle])
+    low, high = (None if q is None else static * float(q[axle]) for q in (ratio.q05, ratio.q95))
+    return PeakLoad(axle, load_case, name, static, float(ratio.q50[axle]), low, high, beyond)
 
 
 def largest_loads(results: Results) -> tuple[PeakLoad, ...]:
@@ -140,36 +144,29 @@ def static_loads_N(results: Results, sweep: SpeedSweep) -> np.ndarray:
     return results.campaign.vehicle.gravity_m_s2 * np.asarray(kilograms, dtype=float)
 
 
-@dataclass(frozen=True)
-class LoadAtSpeed:
-    """The largest load of an axle (index) [N] at any speed that was computed, in which load case and at which speed."""
+def largest_at_any_speed(results: Results, *, as_driven: bool = False) -> tuple[PeakLoad | None, ...]:
+    """Of every axle the largest load over the computed speeds of all load cases; none before sweeps.
 
-    axle: int
-    peak_N: float
-    load_case: str
-    speed_m_s: float
-    beyond: bool
-
-
-def largest_at_any_speed(results: Results) -> tuple[LoadAtSpeed, ...]:
-    """Of every axle the largest load over the computed speeds of all load cases; none before sweeps."""
+    With `as_driven` only where nothing goes beyond the driven runs, None for an axle without such a speed.
+    """
     sweeps = () if results.predictions is None else results.predictions.sweeps
-    found: list[tuple[LoadAtSpeed, ...]] = []
+    found: list[list[PeakLoad]] = [[] for _ in results.campaign.vehicle.axles] if sweeps else []
     for sweep in sweeps:
-        loads = np.nan_to_num(static_loads_N(results, sweep) * sweep.peak_ratio.q50, nan=0.0, posinf=0.0)
-        found.append(
-            tuple(
-                LoadAtSpeed(
-                    axle,
-                    float(loads[k, axle]),
-                    sweep.load_case,
-                    float(sweep.speed_m_s[k]),
-                    bool(sweep.extrapolated[k]) or (sweep.beyond is not None and bool(sweep.beyond[k, axle])),
-                )
-                for axle, k in enumerate(loads.argmax(axis=0))
-            )
-        )
-    return tuple(max(of_axle, key=lambda load: load.peak_N) for of_axle in zip(*found, strict=True))
+        static = static_loads_N(results, sweep)
+        beyond = np.broadcast_to(np.asarray(sweep.extrapolated, bool)[:, None], sweep.peak_ratio.q50.shape)
+        if sweep.beyond is not None:
+            beyond = beyond | sweep.beyond
+        ratio = np.where(np.isfinite(sweep.peak_ratio.q50) & ~(beyond & as_driven), sweep.peak_ratio.q50, 0.0)
+        for axle, k in enumerate(ratio.argmax(axis=0)):
+            name = f"{sweep.load_case}, {speed(float(sweep.speed_m_s[k]))}\u00a0km/h"
+            if ratio[k, axle] > 0.0:
+                at = sweep.peak_ratio.at(int(k))
+                found[axle].append(_peak_load(axle, sweep.load_case, name, static, at, bool(beyond[k, axle])))
+    return tuple(max(of_axle, key=lambda load: load.peak_N, default=None) for of_axle in found)
+
+
+def _most(loads: Sequence[PeakLoad | None]) -> PeakLoad | None:
+    return max((load for load in loads if load is not None), key=lambda load: load.peak_N, default=None)
 
 
 def _largest_words(results: Results) -> str:
@@ -184,44 +181,20 @@ def _largest_words(results: Results) -> str:
         so, beyond = ", an extrapolation" if most.beyond else "", most.beyond
         load = in_thousands(most.peak_N, most.low_N, most.high_N)
         words = f"{load} kN on axle {most.axle + 1} ({most.pass_name}{so})"
-    backed = _largest_backed(results) if beyond else None
+    backed = _most(largest_at_any_speed(results, as_driven=True)) if beyond else None
     return f"Largest: {words}." if backed is None else f"Largest: {words}; within the driven runs {_at_speed(backed)}."
 
 
-def _largest_backed(results: Results) -> LoadAtSpeed | None:
-    """The largest load at a computed speed at which nothing goes beyond the driven runs; None without any."""
-    found = []
-    for sweep in () if results.predictions is None else results.predictions.sweeps:
-        loads = static_loads_N(results, sweep) * sweep.peak_ratio.q50
-        beyond = np.asarray(sweep.extrapolated, bool)[:, None] | np.zeros(loads.shape, bool)
-        if sweep.beyond is not None:
-            beyond = beyond | sweep.beyond
-        within = np.where(beyond | ~np.isfinite(loads), 0.0, loads)
-        k, axle = (int(i) for i in np.unravel_index(within.argmax(), within.shape))
-        if within[k, axle] > 0.0:
-            found.append(LoadAtSpeed(axle, float(within[k, axle]), sweep.load_case, float(sweep.speed_m_s[k]), False))
-    return max(found, key=lambda load: load.peak_N, default=None)
-
-
-def higher_elsewhere(results: Results) -> str:
-    """A sentence where an axle carries more at another speed than in any of the predicted passes; else empty."""
-    most = _higher_elsewhere(results)
-    return "" if most is None else f"Loads are higher at other speeds: up to {_at_speed(most)}."
-
-
-def _higher_elsewhere(results: Results) -> LoadAtSpeed | None:
-    known, anywhere = largest_loads(results), largest_at_any_speed(results)
-    if not known or not anywhere:
+def _higher_elsewhere(results: Results) -> PeakLoad | None:
+    known, most = largest_loads(results), _most(largest_at_any_speed(results))
+    if not known or most is None:
         return None
-    most = max(anywhere, key=lambda load: load.peak_N)
     return most if most.peak_N > _HIGHER * max(load.peak_N for load in known) else None
 
 
-def _at_speed(load: LoadAtSpeed) -> str:
+def _at_speed(load: PeakLoad) -> str:
     so = ", an extrapolation" if load.beyond else ""
-    return (
-        f"{fixed(load.peak_N / 1e3, 0)} kN on axle {load.axle + 1} ({load.load_case}, {speed(load.speed_m_s)} km/h{so})"
-    )
+    return f"{fixed(load.peak_N / 1e3, 0)} kN on axle {load.axle + 1} ({load.pass_name}{so})"
 
 
 @dataclass(frozen=True)

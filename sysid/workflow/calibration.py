@@ -190,7 +190,9 @@ class Calibration:
                 f"another version of the program: nothing is written. Compute them again with 'run', or "
                 "name the campaign and the options that they were made with."
             )
-        return self._write(ending)
+        # Others are over in a moment.
+        with self._steps.planned({ending.name: ending.effort} if ending.helper else {}):
+            return self._write(ending)
 
     def _write(self, ending: Ending) -> list[Path]:
         written: list[Path] = []

@@ -30,7 +30,8 @@ def test_a_gaussian_needs_no_chain() -> None:
     found = importance_sample(gaussian, CENTRE, COVARIANCE, 1, 400)
     assert found.pareto_k < 0.5
     assert found.effective > 0.9 * len(found.draws)
-    assert "a chain was not needed" in found.sentence
+    assert "a chain was not needed" in found.sentence(chain=False)
+    assert "not needed" not in found.sentence(chain=True)
 
 
 def test_weights_give_the_mean_of_a_posterior_that_leans() -> None:
@@ -51,7 +52,7 @@ def test_weights_give_the_mean_of_a_posterior_that_leans() -> None:
 def test_a_posterior_that_is_wider_than_its_approximation_needs_one(wide: float) -> None:
     found = importance_sample(lambda x: gaussian(CENTRE + (x - CENTRE) / wide), CENTRE, COVARIANCE, 1, 400)
     assert not found.is_reliable
-    assert "a chain is needed" in found.sentence
+    assert "a chain is needed" in found.sentence(chain=True)
 
 
 def test_a_density_that_is_finite_nowhere_is_no_answer() -> None:
@@ -69,7 +70,8 @@ def test_a_preview_is_the_importance_sample_where_that_suffices() -> None:
     # A run that is no preview has its chain, and a line about it.
     whole = sample_posterior(gaussian, names, CENTRE, COVARIANCE, "test", replace(PREVIEW, preview=False))
     assert "10 steps" in whole.message
-    assert "a chain was not needed" in whole.message
+    assert "draws effective; they would do for a preview" in whole.message
+    assert "a chain was not needed" in found.message
 
 
 def log_exponential(x: np.ndarray) -> np.ndarray:

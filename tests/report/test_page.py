@@ -16,7 +16,7 @@ from small_results import Words, before_sampling, campaign_only, small_results
 from sysid import plot
 from sysid.report import render_report, write_report
 from sysid.report.figures import Gallery
-from sysid.report.first_screen import worst_picture
+from sysid.report.first_screen import truck_rows, worst_picture
 from sysid.results.headline import largest_at_any_speed, largest_loads
 
 VOID = {"meta", "br", "link", "img", "input", "hr"}
@@ -174,20 +174,33 @@ def test_the_truck_carries_k_c_static_and_peak_load_of_every_axle(full_text):
     results = small_results()
     truck = re.search('<figure class="wide truck">.*?</svg>', full_text, re.DOTALL)[0]
     written = re.findall("<text[^>]*>([^<]*)</text>", truck)
-    for load in largest_loads(results):
-        assert f"{load.static_N / 1e3:.1f} ({100.0 * load.ratio:.0f} %)" in written
-        shown = [float(re.match(r"[\d.]+", t)[0]) for t in written if "\N{PLUS-MINUS SIGN}" in t]
-        assert any(abs(v - load.peak_N / 1e3) < 0.006 * v for v in shown)
     for s in results.posterior.summaries[:1]:
         assert any(t.startswith(f"{s.q50 / 1e3:.0f} \N{PLUS-MINUS SIGN}") for t in written)
     # The largest of all speeds, by the sweep itself.
     (sweep,) = results.predictions.sweeps
     mass = np.array(results.campaign.load_cases[sweep.load_case].axle_loads_kg)
-    highest = (sweep.peak_ratio.q50 * mass * results.campaign.vehicle.gravity_m_s2 / 1e3).max(axis=0)
-    for value in highest:
-        assert f"{value:.0f}" in {t.rstrip("*") for t in written}
+    static = mass * results.campaign.vehicle.gravity_m_s2 / 1e3
+    loads = sweep.peak_ratio.q50 * static
+    shown = {i: float(re.match(r"[\d.]+", t)[0]) for i, t in enumerate(written) if "\N{PLUS-MINUS SIGN}" in t}
+    for value in loads.max(axis=0):
+        assert any(abs(v - value) < 0.006 * v for v in shown.values())
+    # And of the speeds that the runs back, with its share of the load at rest.
+    assert sweep.beyond is None
+    backed = np.broadcast_to((sweep.speed_m_s <= 1.06 * sweep.driven_m_s[1])[:, None], loads.shape)
+    assert not backed.all()
+    for axle, value in enumerate(np.where(backed, loads, 0.0).max(axis=0)):
+        (at,) = [i for i, v in shown.items() if abs(v - value) < 0.006 * v and not written[i].endswith("*")]
+        assert f"{sweep.speed_m_s[int(np.where(backed, loads, 0.0)[:, axle].argmax())] * 3.6:g}" in written[at + 1]
+        assert f"{static[axle]:.1f} ({100.0 * value / static[axle]:.0f} %)" in written
     label = re.search('aria-label="([^"]*)"', truck[truck.index("<svg") :])[1]
-    assert "peak in pass [kN]: axle 1" in label
+    assert "peak as driven [kN]: axle 1" in label
+    # Where the runs back none, the passes that were asked for stand there.
+    nowhere = replace(sweep, beyond=np.ones(loads.shape, bool))
+    rows = truck_rows(replace(results, predictions=replace(results.predictions, sweeps=(nowhere,)))).texts
+    assert "peak as driven [kN]" not in dict(rows)
+    for load, text in zip(largest_loads(results), dict(rows)["peak in pass [kN]"], strict=True):
+        assert float(re.match(r"[\d.]+", text)[0]) == pytest.approx(load.peak_N / 1e3, rel=0.006)
+        assert load.pass_name in text
 
 
 def test_the_largest_load_is_that_of_all_load_cases():
@@ -269,8 +282,13 @@ def test_preview_is_marked_everywhere():
 
 
 def test_page_is_written_whole_and_the_same_each_time(tmp_path, full_text):
-    write_report(small_results(), tmp_path / "report.html")
+    shares: list[float] = []
+    write_report(small_results(), tmp_path / "report.html", shares.append)
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == full_text
+    # It says how far it is with every figure.
+    assert shares[-1] == 1.0
+    assert len(shares) == full_text.count("<figure")
+    assert np.all(np.diff(shares) > 0.0)
 
 
 def test_results_with_holes_still_make_a_page():

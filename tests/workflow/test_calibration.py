@@ -19,7 +19,7 @@ from sysid.workflow import Calibration, Settings, make_settings
 from sysid.workflow.earlier_files import remember_more
 from sysid.workflow.stage import Ending
 from sysid.workflow.stages import DROPS, PREDICT, SAMPLE
-from sysid.workflow.stages.endings import EXPORT
+from sysid.workflow.stages.endings import EXPORT, REPORT
 
 DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
 #: Drops by the single-axle equations alone: seconds instead of half a minute.
@@ -68,6 +68,20 @@ def test_results_of_passes_that_are_gone_do_not_stay_in_the_folder(campaign: Pat
     calibration.write(ending("empty_48kmh.csv"))
     calibration.write(ending("empty_50kmh.csv"))
     assert [p.name for p in (tmp_path / "out" / "predictions").iterdir()] == ["empty_50kmh.csv"]
+
+
+def test_what_takes_long_to_write_says_how_far_it_is(campaign: Path, tmp_path: Path) -> None:
+    def write(results: Results, folder: Path, progress: Progress) -> Sequence[Path]:
+        progress("page", 0.5)
+        return ()
+
+    seen: list[tuple[str, float]] = []
+    calibration = Calibration(campaign, tmp_path / "out", SINGLE_AXLE, lambda *said: seen.append(said))
+    # An export comes after every stage: it says nothing.
+    calibration.write(replace(EXPORT, write=write))
+    assert seen == []
+    calibration.write(replace(REPORT, write=write, helper=("json",)))
+    assert seen == [("page", 0.5)]
 
 
 def test_the_same_inputs_give_the_same_result_json_but_for_times(campaign: Path, tmp_path: Path) -> None:

@@ -22,9 +22,10 @@ def _report(results: Results, folder: Path, progress: Progress) -> Sequence[Path
 
     with fewer_collections():
         progress("report.html", 0.0)
-        write_report(results, folder / "report.html")
-        progress("figures", 0.7)
-        return (folder / "report.html", *write_paper_figures(results, folder / "figures"))
+        write_report(results, folder / "report.html", lambda share: progress("report.html", 0.8 * share))
+        progress("figures", 0.8)
+        drawn = write_paper_figures(results, folder / "figures", lambda share: progress("figures", 0.8 + 0.2 * share))
+        return (folder / "report.html", *drawn)
 
 
 def show_report(paths: Sequence[Path], results: Results) -> Blocks:
