@@ -17,6 +17,7 @@ from sysid.display import TextTable
 from sysid.errors import CampaignError, OutputError
 from sysid.files import write_text
 from sysid.first_look import EntryGuess, FirstLook, campaign_text, coverage_table, first_look
+from sysid.numbers import count
 from sysid.output_folder import has_control_characters
 from sysid.wording import shorten
 
@@ -71,13 +72,16 @@ def _write(target: Path, text: str) -> None:
 def _show(screen: Console, look: FirstLook, target: Path, text: str) -> None:
     render(screen, [_files(look), _columns(look), *look.messages, coverage_table(look)])
     todos, doubts = find_todos(parse_toml(text.encode("utf-8"), target.name)), find_doubts(text)
-    drops = sum(entry.kind == "plank_drop" for entry in look.tests)
+    drops, runs, drives = (sum(e.kind == kind for e in look.tests) for kind in ("plank_drop", "bump_run", "road_drive"))
+    tests = (
+        f"{drops} drops, {runs} runs and {count(drives, 'road drive')}" if drives else f"{drops} drops and {runs} runs"
+    )
     columns = sum(s.unused is None for s in (*look.run_sensors, *look.drop_sensors))
     vehicle = f"vehicle {look.template.name}" if look.template else f"a vehicle with {look.axles} axles, no template"
     if not look.axles:
         vehicle = "nothing says how many axles: give --vehicle"
     screen.print(
-        f"{drops} drops and {len(look.tests) - drops} runs, {columns} columns of sensors, {vehicle}. Wrote {target}: "
+        f"{tests}, {columns} columns of sensors, {vehicle}. Wrote {target}: "
         f"{len(todos)} values to fill in, {len(doubts)} guesses to confirm; its comments say which.",
         markup=False,
     )
@@ -122,7 +126,7 @@ def _files(look: FirstLook) -> TextTable:
 
 
 def _taken_for(entry: EntryGuess) -> str:
-    what = "drop" if entry.kind == "plank_drop" else "run"
+    what = {"plank_drop": "drop", "bump_run": "run", "road_drive": "road drive"}[entry.kind]
     detail = f", axle {entry.axle + 1}" if entry.axle is not None else ""
     detail += f", {entry.speed_km_h:g} km/h" if entry.speed_km_h is not None else ""
     return f"{what}, {entry.load_case or 'load case ?'}{detail}"

@@ -205,7 +205,7 @@ def _scans(look: FirstLook, prefix: str) -> str:
 
 def _tests(look: FirstLook, prefix: str) -> str:
     drops = [e for e in look.tests if e.kind == "plank_drop"]
-    runs = [e for e in look.tests if e.kind == "bump_run"]
+    runs, drives = ([e for e in look.tests if e.kind == kind] for kind in ("bump_run", "road_drive"))
     parts = [banner("tests"), "[tests]"]
     if any(entry.load_case is None for entry in look.tests):
         case = todo(
@@ -233,6 +233,9 @@ def _tests(look: FirstLook, prefix: str) -> str:
             wanted = [{"load_case": c, "speed_km_h": round(1.5 * fastest)} for c in look.load_cases]
             parts.append("# Passes that nobody drove, to be predicted: change or delete them as you like.")
             parts.append(f"prediction = {value_text(wanted)}")
+    if drives:
+        lines = [(f"{value_text(_drive(look, entry, prefix))},", _reason_of_test(entry)) for entry in drives]
+        parts += ["road_drive = [", *commented(lines, "  "), "]"]
     left_out = [f"# {CONFIRM}: left out, {why}: {file}" for file, why in look.left_out.items()]
     return "\n".join([*parts, *(shorten(line, 118) for line in left_out)]) + "\n"
 
@@ -266,6 +269,12 @@ def _logs_of(look: FirstLook, file: str, prefix: str) -> str | dict[str, str]:
     """The log of a run, or those of its loggers by name."""
     files = look.files.get(file)
     return prefix + file if files is None else {name: prefix + log for name, log in files.items()}
+
+
+def _drive(look: FirstLook, entry: EntryGuess, prefix: str) -> dict[str, Any]:
+    speed = todo("speed [km/h]") if entry.speed_km_h is None else entry.speed_km_h
+    driven = {"file": prefix + entry.file, **_load_case(entry), "nominal_speed_km_h": speed}
+    return driven | _writing(look, entry.file)
 
 
 def _run(look: FirstLook, entry: EntryGuess, prefix: str, repeat: int) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What was driven, as a table in which holes are seen: drops by axle and load case, runs by speed and load case."""
+"""What was driven, as a table in which holes are seen: drops by axle, runs and drives by speed, each by load case."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ def coverage_table(look: FirstLook) -> TextTable:
     width = max(5, _WIDTH // max(1, len(cases)) - 2)
     table = TextTable("Drops and runs", ("", *(shorten(c or "load case ?", width) for c in cases)))
     drops = [e for e in look.tests if e.kind == "plank_drop"]
-    runs = [e for e in look.tests if e.kind == "bump_run"]
+    runs, drives = ([e for e in look.tests if e.kind == kind] for kind in ("bump_run", "road_drive"))
     axles: list[int | None] = [*range(look.axles)] if drops else []
     axles += [None] * any(e.axle is None for e in drops)
     rows = [(f"drops, axle {'?' if a is None else a + 1}", [e for e in drops if e.axle == a]) for a in axles]
     rows += [(f"runs, {speed} km/h", of_speed) for speed, of_speed in _by_speed(runs)]
     rows = [*([] if drops else [("drops", [])]), *rows, *([] if runs else [("runs", [])])]
+    rows += [(f"drives, {speed} km/h", of_speed) for speed, of_speed in _by_speed(drives)]
     for title, entries in rows:
         table.add_row(title, *(_cell([e for e in entries if e.load_case == case]) for case in cases))
     return table

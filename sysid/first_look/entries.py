@@ -18,6 +18,8 @@ from sysid.first_look.words import AxleLabel
 
 #: Size of an axle's acceleration over the largest of the log from which the axle itself was driven over something.
 _STRUCK = 0.35
+#: Steadiness of the axles' accelerations from which a log is a drive over a road.
+_STEADY = 0.3
 #: How clearly an axle must rise or fall first, and how long axles after each other take at least [s].
 _CLEAR, _ONE_AFTER_THE_OTHER_S = 0.3, 0.12
 #: |ln| between the speed that a name says and that of the arrivals from which they contradict each other.
@@ -26,7 +28,7 @@ _SPEEDS = 0.12
 
 @dataclass(frozen=True)
 class KindOfTest:
-    """Drop or run, whether name and behaviour agree, and why."""
+    """Drop, run or drive, whether name and behaviour agree, and why."""
 
     kind: TestKind
     sure: bool
@@ -58,8 +60,11 @@ class Driven:
 
 
 def kind_of_test(log: SeenLog, kinds: Mapping[str, KindGuess]) -> KindOfTest:
-    """Whether a log is a plank drop or a bump run: its path against the way in which its axles move."""
+    """Whether a log is a drop, a run or a drive over a road: its path against the way in which its axles move."""
     by_name, by_motion = log.said.kind, _motion(log, kinds)
+    if by_name == "bump_run" and by_motion == "road_drive":
+        # Names of runs and drives have the same words.
+        by_name = "road_drive"
     if by_name is not None and by_motion is not None:
         if by_name == by_motion:
             return KindOfTest(by_name, True, "name and behaviour agree")
@@ -71,7 +76,7 @@ def kind_of_test(log: SeenLog, kinds: Mapping[str, KindGuess]) -> KindOfTest:
     return KindOfTest("bump_run", False, "neither name nor behaviour say what it is")
 
 
-_WORDS: dict[TestKind, str] = {"plank_drop": "a drop", "bump_run": "a run"}
+_WORDS: dict[TestKind, str] = {"plank_drop": "a drop", "bump_run": "a run", "road_drive": "a drive over a road"}
 
 
 def struck_columns(log: SeenLog, kinds: Mapping[str, KindGuess]) -> list[str]:
@@ -84,6 +89,9 @@ def struck_columns(log: SeenLog, kinds: Mapping[str, KindGuess]) -> list[str]:
 
 def _motion(log: SeenLog, kinds: Mapping[str, KindGuess]) -> TestKind | None:
     struck = set(struck_columns(log, kinds))
+    steady = [x.steady for x in log.looks if x.name in struck]
+    if steady and float(np.median(steady)) > _STEADY:
+        return "road_drive"
     looks = [x for x in log.looks if x.name in struck and x.arrival_s is not None]
     if not looks:
         return None
@@ -109,7 +117,7 @@ def entries_of(
     cases: LoadCases,
     driven: Driven,
 ) -> tuple[EntryGuess, ...]:
-    """Drops in the order of their axles, then runs in the order of load case and speed."""
+    """Drops in the order of their axles, then runs and drives, each in the order of load case and speed."""
     result = []
     for log, of_columns in logs:
         kind, case = kinds[log.file], cases.of_file[log.file]
@@ -126,11 +134,14 @@ def entries_of(
     return tuple(sorted(result, key=lambda e: _in_list(e, order)))
 
 
-def _in_list(entry: EntryGuess, cases: Sequence[str | None]) -> tuple[bool, int, int, float, str]:
+_ORDER: tuple[TestKind, ...] = ("plank_drop", "bump_run", "road_drive")
+
+
+def _in_list(entry: EntryGuess, cases: Sequence[str | None]) -> tuple[int, int, int, float, str]:
     of_axle, of_case = 99 if entry.axle is None else entry.axle, cases.index(entry.load_case)
     drop = entry.kind == "plank_drop"
     first, second = (of_axle, of_case) if drop else (of_case, 0)
-    return not drop, first, second, entry.speed_km_h or 0.0, entry.file
+    return _ORDER.index(entry.kind), first, second, entry.speed_km_h or 0.0, entry.file
 
 
 def _drop_axle(log: SeenLog, kinds: Mapping[str, KindGuess], driven: Driven) -> tuple[int | None, bool, list[str]]:

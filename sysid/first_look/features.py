@@ -25,6 +25,7 @@ MOST_COMPARED = 48
 _MOST_STEPS = 200_000
 _ALIVE = 6.0  # largest departure over noise
 _LEAST_SAMPLES = 40
+_LEAST_SECONDS = 15
 _SEEN = 0.7  # share of a log that a column must have seen to be compared
 _COLLINEAR = 0.999  # correlation of two columns beyond which their factors mean nothing
 
@@ -35,7 +36,8 @@ class Look:
 
     `middle` is its median.  `rest` and `noise` are those of its quiet start, `size` its largest departure from rest,
     `hop_share` the share of its power in the band of wheel hop, `arrival_s` when it first moves, `lift` how clearly it
-    rises first (1) or falls (-1).
+    rises first (1) or falls (-1).  `steady` is the median over the largest of its spreads in single seconds, 0 where it
+    has fewer than 15: that of a drive over a road is about a half, that of a passage over a bump far less.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Look:
     lift: float = 0.0
     alive: bool = False
     middle: float = 0.0
+    steady: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -117,7 +120,20 @@ def _look(raw: RawChannel, channel: Channel, start_s: float | None) -> Look:
         0.0 if moved is None else first_lift(channel, rest, moved),
         size > _ALIVE * noise,
         float(np.median(value)),
+        _steadiness(time, value),
     )
+
+
+def _steadiness(time: np.ndarray, value: np.ndarray) -> float:
+    second = (time - time[0]).astype(int)
+    count = np.bincount(second)
+    if count.size < _LEAST_SECONDS:
+        return 0.0
+    seen = count >= 0.5 * np.median(count)
+    number = np.maximum(count, 1)
+    mean = np.bincount(second, value) / number
+    spread = np.sqrt(np.bincount(second, (value - mean[second]) ** 2) / number)[seen]
+    return float(np.median(spread) / spread.max()) if spread.size and spread.max() > 0.0 else 0.0
 
 
 def _share(channel: Channel, step: float) -> float:

@@ -23,7 +23,7 @@ from sysid.first_look.words import (
     tokens,
 )
 
-TestKind = Literal["plank_drop", "bump_run"]
+TestKind = Literal["plank_drop", "bump_run", "road_drive"]
 
 _NUMBER = r"(\d{1,3}(?:[.,p]\d{1,2})?)"
 #: Speeds as people write them into names, with the factor to km/h; None: the name does not say the unit.

@@ -168,7 +168,7 @@ def _first_look(
         if kinds[log.file].kind == "bump_run" and log.file not in left_out
     }
     order = arrival_order([p for p in passages.values() if len(p.arrival_s) > 1])
-    run_layouts = [k for k in layouts if any(kinds[log.file].kind == "bump_run" for log in k.logs)]
+    run_layouts = [k for k in layouts if any(kinds[log.file].kind != "plank_drop" for log in k.logs)]
     drop_layouts = [k for k in layouts if any(kinds[log.file].kind == "plank_drop" for log in k.logs)]
     # A pressure is at an axle that others have: only what moves with an axle counts them.
     said = _sensors_said(run_layouts or layouts, order, _OF_AXLES)

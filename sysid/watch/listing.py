@@ -100,7 +100,7 @@ def with_guesses(known: Listing, look: FirstLook, there: Collection[str]) -> Lis
         count = 1 + sum(_same(guess, e) for e in _entries(tests, entry.kind))
         if entry.kind == "bump_run":
             guess |= {"case": f"{guess['load_case']} {guess['nominal_speed_km_h']:g} km/h", "repeat": count}
-        elif "plank_height_m" not in tests:
+        elif entry.kind == "plank_drop" and "plank_height_m" not in tests:
             heights = {e["plank_height_m"] for e in _entries(tests, "plank_drop") if "plank_height_m" in e}
             if len(heights) != 1:
                 guessed[entry.file] = f"{said}, and nothing says its plank_height_m: enter it in [tests]."

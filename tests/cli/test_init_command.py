@@ -7,6 +7,7 @@ import shutil
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -133,3 +134,25 @@ def test_units_of_counters_are_none_of_sensors(folder: Path) -> None:
     assert found.exit_code == 0, found.output
     assert "RN" not in found.output
     assert "a counter" in found.output
+
+
+def test_a_drive_over_a_road_is_no_bump_run_and_a_long_bump_run_is_none(folder: Path) -> None:
+    """The columns of a run with random motion for 30 s, and the run itself with a quiet minute behind it."""
+    head, *rows = (folder / "bump_runs/case1_unloaded_16kmh_run1.csv").read_text(encoding="utf-8").splitlines()
+    readings = np.genfromtxt(rows, delimiter=",")
+    step, rng = readings[1, 0] - readings[0, 0], np.random.default_rng(5)
+    spread = np.nanstd(readings, axis=0)
+    # Of about the frequencies of a truck: white readings that are averaged over 0.1 s.
+    shaken = [np.convolve(rng.normal(size=6000), np.full(20, 0.2), "same") for _ in spread[1:]]
+    drive = np.column_stack([step * np.arange(6000), spread[1:] * np.transpose(shaken)])
+    quiet = np.nanmean(readings[:50], axis=0) + 0.002 * spread * rng.normal(size=(12_000, spread.size))
+    quiet[:, 0] = readings[-1, 0] + step * (1.0 + np.arange(len(quiet)))
+    for name, values in (("on_road_60kmh.csv", drive), ("long_24kmh.csv", np.concatenate([readings, quiet]))):
+        np.savetxt(folder / name, values, fmt="%.5f", delimiter=",", header=head, comments="")
+    found = run(folder)
+    assert found.exit_code == 0, found.output
+    tests = tomllib.loads((folder / "campaign.toml").read_text(encoding="utf-8"))["tests"]
+    assert [(d["file"], d["nominal_speed_km_h"]) for d in tests["road_drive"]] == [("on_road_60kmh.csv", 60)]
+    assert "long_24kmh.csv" in [r["file"] for r in tests["bump_run"]]
+    assert "1 drops, 3 runs and 1 road drive" in found.output
+    assert "road drive, load case ?, 60 km/h" in found.output

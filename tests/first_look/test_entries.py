@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -57,3 +58,12 @@ def test_neither_name_nor_motion() -> None:
     found = kind_of_test(*log([(Q, 40.0, 1.0, 0.1), (A, 2.0, 1.0, 0.1)]))
     assert (found.kind, found.sure) == ("bump_run", False)
     assert found.why == "neither name nor behaviour say what it is"
+
+
+def test_axles_that_move_all_the_time_are_driven_over_a_road() -> None:
+    columns = [(Q, 40.0, 1.0, -0.9), (A, 2.0, 1.0, 0.9), (A, 2.0, 1.9, 0.9)]
+    for steady, expected in ((0.6, "road_drive"), (0.14, "bump_run")):
+        seen, kinds = log(columns, "run_60kmh.csv")
+        seen = replace(seen, looks=tuple(replace(x, steady=steady) for x in seen.looks))
+        found = kind_of_test(seen, kinds)
+        assert (found.kind, found.sure) == (expected, True)
