@@ -28,11 +28,13 @@ _WRITERS = (
     "studies/factors/table.py",
     "studies/independent/__main__.py",
     "studies/independent/table.py",
+    "studies/road_drives/pairs_table.py",
 )
 #: Begin of the names of modules of `tests/support` that studies simulate with.
 _SIMULATING = "independent_"
 #: Packages that results of a study rest on.
 _PACKAGES = (
+    "balance",
     "campaign",
     "road",
     "sdof",

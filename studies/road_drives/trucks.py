@@ -52,9 +52,9 @@ class Truth:
         return np.asarray(self.c / (1.0 + 0.5 / self.knee))
 
 
-def draw(rng: np.random.Generator) -> Truth:
-    """One truck of three or four axles."""
-    rear = int(rng.integers(2, 4))
+def draw(rng: np.random.Generator, rear: int | None = None) -> Truth:
+    """One truck with two or three rear axles, or with `rear` of them."""
+    rear = int(rng.integers(2, 4)) if rear is None else rear
     n = 1 + rear
     x = np.concatenate([[0.0], rng.uniform(3.4, 5.2) + 1.32 * np.arange(rear)])
     air = np.concatenate([[False], np.full(rear, rng.random() < 0.5)])

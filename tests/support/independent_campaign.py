@@ -54,7 +54,7 @@ def write_truck_campaign(
         file = f"bump_runs/{case}_{v:g}.csv"
         values = clean[: int(length[r] / INTERVAL_S), r, : sd.size]
         gain = 1.0 + 0.003 * rng.normal(size=sd.size)
-        noise = _noise(rng, values.shape, correlation, outliers)
+        noise = noise_of(rng, values.shape, correlation, outliers)
         values = gain * values + sd * (noise + 4.0 * rng.uniform(-1.0, 1.0, sd.size))
         write_log(folder / file, INTERVAL_S, columns, kinds, values)
         driven[file] = speed, change
@@ -63,12 +63,12 @@ def write_truck_campaign(
             f'  {{ case = "{case} {v:g}", file = "{file}", load_case = "{case}", nominal_speed_km_h = {v:g}{key} }},'
         )
     passes = [f'  {{ load_case = "{case}", speed_km_h = {v:g} }},' for case, v in predicted]
-    text = _campaign_text(written or truck, declare, bending, lines, passes)
+    text = campaign_text(written or truck, declare, bending, lines, passes)
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
     return driven
 
 
-def _noise(rng: np.random.Generator, shape: tuple[int, ...], correlation: float, outliers: float) -> np.ndarray:
+def noise_of(rng: np.random.Generator, shape: tuple[int, ...], correlation: float, outliers: float) -> np.ndarray:
     """Noise of unit variance along the first axis, some readings six standard deviations off."""
     white = rng.normal(size=shape)
     noise = white
@@ -77,7 +77,15 @@ def _noise(rng: np.random.Generator, shape: tuple[int, ...], correlation: float,
     return noise + 6.0 * rng.choice([-1.0, 1.0], size=shape) * (rng.random(shape) < outliers) if outliers else noise
 
 
-def _campaign_text(truck: IndependentTruck, declare: str, bending: str, runs: list[str], passes: list[str]) -> str:
+def campaign_text(
+    truck: IndependentTruck,
+    declare: str,
+    bending: str,
+    runs: list[str],
+    passes: list[str],
+    drives: list[str] | None = None,
+) -> str:
+    """The campaign file; it names a scan if there are runs."""
     lines = [
         "schema = 1",
         "",
@@ -131,9 +139,12 @@ def _campaign_text(truck: IndependentTruck, declare: str, bending: str, runs: li
             what, unit = ("suspension_deflection", "mm") if kind == "lvdt" else ("axle_acceleration", "g")
             place = f'kind = "{what}", axle = "axle {i + 1}", unit = "{unit}"'
         lines.append(f"{column} = {{ {place} }}")
-    lines += ["", "[scan]", 'file = "bump_scan.csv"', f"heading_deg = {HEADING_DEG}", "", "[tests]", "bump_run = ["]
-    lines += [*runs, "]"]
-    return "\n".join([*lines, "prediction = [", *passes, "]", ""] if passes else [*lines, ""])
+    if runs:
+        lines += ["", "[scan]", 'file = "bump_scan.csv"', f"heading_deg = {HEADING_DEG}"]
+    lines += ["", "[tests]"]
+    for name, entries in (("bump_run", runs), ("road_drive", drives or []), ("prediction", passes)):
+        lines += [f"{name} = [", *entries, "]"] if entries else []
+    return "\n".join([*lines, ""])
 
 
 def _travels(element: Elements) -> list[str]:

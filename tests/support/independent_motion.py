@@ -2,11 +2,13 @@
 
 A tire is a fan of radial springs with dampers that push where their spoke is shorter than the wheel's radius; no
 effective road, no footprint map.  Dry friction is that of leaf springs: Dahl's, grown over a slip length, and shared
-by a rocker as the spring is.  A rough road moves a wheel as a whole.  Fourth order with steps of half a millisecond,
-all runs of a campaign side by side.
+by a rocker as the spring is.  A rough road moves a wheel as a whole; that of a drive without a bump also pushes it
+along by its slope.  Fourth order with steps of half a millisecond, all runs of a campaign side by side.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +20,10 @@ STEP_S = 0.0005
 INTERVAL_S = 0.005
 SPOKES = np.radians(np.linspace(-60.0, 60.0, 91))
 BUMP_M, LENGTH_M = 0.075, 0.9
+#: Spacing of the heights of a road, and the station at which they begin [m].
+ROAD_STEP_M, ROAD_BEGIN_M = 0.05, -20.0
+#: Rate at which friction that falls has lost 63 % of what it loses [m/s].
+FADING_M_PER_S = 0.1
 
 
 def height(s):
@@ -40,24 +46,48 @@ def rough_road(truck: IndependentTruck, rng: np.random.Generator):
     return lambda s: jnp.sum(amplitude * jnp.sin(wave * s[..., None] + phase), axis=-1)
 
 
-def element_force(truck: IndependentTruck, stiffness):
-    """Forces [N] of springs, and of dampers and stops, over extension and its rate, positive in tension."""
-    each = truck.elements or (Elements(),) * len(truck.x_m)
-    column = {n: jnp.asarray([getattr(e, n) for e in each]) for n in Elements.__dataclass_fields__ if n != "air"}
-    a, b = jnp.asarray([e.air for e in each]).T
-    c = jnp.asarray(truck.damping)
+def element_columns(truck: IndependentTruck | Sequence[IndependentTruck]) -> dict[str, jax.Array]:
+    """Numbers of :class:`Elements` and `damping` by axle, of one truck (na,) or of several (trucks, na)."""
+    if isinstance(truck, IndependentTruck):
+        return {name: column[0] for name, column in element_columns([truck]).items()}
+    each = [t.elements or (Elements(),) * len(t.x_m) for t in truck]
+    names = [n for n in Elements.__dataclass_fields__ if n not in ("air", "declared")]
+    columns = {n: jnp.asarray([[getattr(e, n) for e in of] for of in each]) for n in names}
+    for n, part in enumerate(("air_slope", "air_curve")):
+        columns[part] = jnp.asarray([[e.air[n] for e in of] for of in each])
+    return columns | {"damping": jnp.asarray([t.damping for t in truck])}
+
+
+def element_force(truck: IndependentTruck | Sequence[IndependentTruck], stiffness):
+    """Forces [N] of springs, and of dampers and stops, over extension and its rate, positive in tension.
+
+    The damper's is that behind its rubber where this is given as a third argument.
+    """
+    column = element_columns(truck)
+    a, b, c = column["air_slope"], column["air_curve"], column["damping"]
 
     def spring(x):
-        return stiffness * x * (1.0 - a * x / 2 + b * x**2 / 3)
+        helper = column["helper_N_per_m"] * jnp.minimum(x + column["helper_m"], 0.0)
+        return stiffness * x * (1.0 - a * x / 2 + b * x**2 / 3) + helper
 
-    def rest(x, rate):
+    def rest(x, rate, behind=None):
         ratio = jnp.where(rate < 0.0, column["bump_ratio"], column["rebound_ratio"])
         damper = c * ratio * rate / (1.0 + jnp.abs(rate) / column["knee_m_per_s"])
+        if behind is not None:
+            damper = jnp.where(column["bushing_m_per_N"] > 0.0, behind, damper)
         pushed, pulled = jnp.maximum(-x - column["jounce_m"], 0.0), jnp.maximum(x - column["rebound_m"], 0.0)
         stop = column["stop_N_per_m"] * (pulled * (1.0 + pulled / 0.015) - pushed * (1.0 + pushed / 0.015))
         return damper + stop
 
     return spring, rest, column["friction_share"], column["slip_length_m"]
+
+
+def rubber_rate(column, force, rate):
+    """Rate [N/s] of the force of a linear damper behind its rubber, 0 where there is none."""
+    soft = column["bushing_m_per_N"]
+    ratio = jnp.where(force < 0.0, column["bump_ratio"], column["rebound_ratio"])
+    slower = rate - force / (column["damping"] * ratio)
+    return jnp.where(soft > 0.0, slower / jnp.where(soft > 0.0, soft, 1.0), 0.0)
 
 
 def shortening(s, h, radius):
@@ -98,57 +128,83 @@ def rest_height(radius: float, load: float, spring: float, exponent: float) -> f
     return radius - brentq(lambda d: spring * flat_force(radius, d, exponent) - load, 1e-6, 0.25)
 
 
+def on_road(roads: np.ndarray):
+    """Height and slope (R, na) of roads (R, n) at stations (R, na), linear between their heights."""
+    table = jnp.asarray(roads)
+
+    def at(s):
+        place = jnp.clip((s - ROAD_BEGIN_M) / ROAD_STEP_M, 0.0, table.shape[1] - 2.0)
+        left = jnp.floor(place).astype(int)
+        low, high = (jnp.take_along_axis(table, left + k, axis=1) for k in (0, 1))
+        return low + (high - low) * (place - left), (high - low) / ROAD_STEP_M
+
+    return at
+
+
 def simulate(
-    truck: IndependentTruck,
+    truck: IndependentTruck | Sequence[IndependentTruck],
     runs: list[tuple[str, float, float, float]],
     seconds: float,
     *,
     load_shift: bool = False,
     interval_s: float = INTERVAL_S,
+    roads: np.ndarray | None = None,
+    step_s: float = STEP_S,
 ) -> np.ndarray:
     """Readings (T, runs, 4 na) every `interval_s`: deflections, axle and frame accelerations, vertical tire forces.
 
     Runs are of (load case, speed and start at axle 1, share by which the speed changes until the last axle passes), at
     constant acceleration; with `load_shift` its inertia forces lean the truck, which begins in that equilibrium.
+    `truck` may be one for each run, all with as many axles; with `roads` (runs, n), heights every 5 cm from 20 m behind
+    station 0 on, there is no bump.
     """
-    each = [Equations(truck, case) for case, *_ in runs]
+    trucks = [truck] * len(runs) if isinstance(truck, IndependentTruck) else list(truck)
+    each = [Equations(t, case) for t, (case, *_) in zip(trucks, runs, strict=True)]
     m = {n: jnp.asarray(np.stack([getattr(e, n) for e in each])) for n in vars(each[0])}
     speed, start, change = (jnp.asarray([r[k] for r in runs])[:, None] for k in (1, 2, 3))
-    acceleration = ((speed * (1.0 + change)) ** 2 - speed**2) / (2.0 * truck.x_m[-1])
+    radius, x = (jnp.asarray([getattr(t, n) for t in trucks]) for n in ("radius_m", "x_m"))
+    acceleration = ((speed * (1.0 + change)) ** 2 - speed**2) / (2.0 * x[:, -1:])
     leaning = float(load_shift) * acceleration * m.pop("shift")
-    first = np.array(next(iter(truck.load_cases.values()))[0]) * GRAVITY
-    power = truck.spoke_exponent
-    of_tires = zip(truck.radius_m, first, truck.tire_N_per_m, truck.tire_N_s_per_m, strict=True)
-    tires = [spokes(*v, power) for v in of_tires]
+    power = trucks[0].spoke_exponent
+    tires = {id(t): _tires(t) for t in trucks}
     rest = jnp.asarray(
         [
-            [rest_height(r, f, k, power) for r, f, (k, _) in zip(truck.radius_m, e.static, tires, strict=True)]
-            for e in each
+            [rest_height(r, f, k, power) for r, f, (k, _) in zip(t.radius_m, e.static, tires[id(t)], strict=True)]
+            for t, e in zip(trucks, each, strict=True)
         ]
     )
-    spring, damper = jnp.asarray(tires).T
-    radius, x = jnp.asarray(truck.radius_m), jnp.asarray(truck.x_m)
+    spring, damper = jnp.moveaxis(jnp.asarray([tires[id(t)] for t in trucks]), 2, 0)
     sine, cosine, turn = jnp.sin(SPOKES), jnp.cos(SPOKES), float(SPOKES[1] - SPOKES[0])
-    rough = rough_road(truck, np.random.default_rng(truck.road_seed))
-    spring_force, other_force, share, slip = element_force(truck, m["suspension"])
-    breakaway = share * m["carried"]
+    rough = rough_road(trucks[0], np.random.default_rng(trucks[0].road_seed))
+    road = None if roads is None else on_road(roads)
+    column = element_columns(trucks)
+    spring_force, other_force, share, slip = element_force(trucks, m["suspension"])
+    breakaway, soft = share * m["carried"], bool(np.any(column["bushing_m_per_N"] > 0.0))
 
     def dot(a, v):
         return jnp.einsum("rij,rj->ri", a, v)
 
-    def forces(t, q, v, rubbing):
+    def forces(t, q, v, rubbing, behind):
         tau = t - start
         s = speed * tau + 0.5 * acceleration * tau**2 - x + dot(m["forward"], q)
         h = rest + dot(m["wheel"], q)
         s_rate, h_rate = speed + acceleration * tau + dot(m["forward"], v), dot(m["wheel"], v)
-        delta, rate = jax.jvp(lambda s, h: shortening(s, h - rough(s), radius), (s, h), (s_rate, h_rate))
+        if road is None:
+            delta, rate = jax.jvp(lambda s, h: shortening(s, h - rough(s), radius), (s, h), (s_rate, h_rate))
+        else:
+            ground, incline = road(s)
+            delta = radius[..., None] - (h - ground)[..., None] / cosine
+            rate = -(h_rate - incline * s_rate)[..., None] / cosine
         touching = delta > 0.0
-        force = jnp.where(touching, spring[:, None] * jnp.where(touching, delta, 1.0) ** power, 0.0)
-        force = jnp.maximum(force + jnp.where(touching, damper[:, None] * rate, 0.0), 0.0)
+        force = jnp.where(touching, spring[..., None] * jnp.where(touching, delta, 1.0) ** power, 0.0)
+        force = jnp.maximum(force + jnp.where(touching, damper[..., None] * rate, 0.0), 0.0)
         # Spokes of the flat road about the ends count half: both ends are clear of it.
         vertical, along = (turn * (force * w).sum(axis=-1) for w in (cosine, -sine))
+        if road is not None:
+            along = -vertical * incline
         length, length_rate = dot(m["extension"], q), dot(m["extension"], v)
-        pull = dot(m["through"], spring_force(length) + rubbing) + other_force(length, length_rate)
+        damped = other_force(length, length_rate, behind if soft else None)
+        pull = dot(m["through"], spring_force(length) + rubbing) + damped
         motion = (
             -dot(m["stiffness"], q)
             - dot(m["damping"], v)
@@ -158,16 +214,15 @@ def simulate(
             + leaning
         )
         toward = jnp.where(breakaway > 0.0, rubbing / jnp.where(breakaway > 0.0, breakaway, 1.0), 0.0)
-        rubbing_rate = breakaway / slip * (length_rate - jnp.abs(length_rate) * toward)
-        return motion, rubbing_rate, vertical
+        lost = column["fading"] * (1.0 - jnp.exp(-jnp.abs(length_rate) / FADING_M_PER_S))
+        rubbing_rate = breakaway / slip * (length_rate - jnp.abs(length_rate) * toward / (1.0 - lost))
+        return motion, rubbing_rate, rubber_rate(column, behind, length_rate), vertical
 
     def derivative(t, state):
-        q, v, rubbing = state
-        motion, rubbing_rate, _ = forces(t, q, v, rubbing)
-        return v, motion, rubbing_rate
+        return state[1], *forces(t, *state)[:3]
 
     def step(state, number):
-        t, h = number * STEP_S, STEP_S
+        t, h = number * step_s, step_s
 
         def after(share, slope):
             return jax.tree.map(lambda y, k: y + share * h * k, state, slope)
@@ -177,18 +232,17 @@ def simulate(
         k3 = derivative(t + h / 2, after(0.5, k2))
         k4 = derivative(t + h, after(1.0, k3))
         new = jax.tree.map(lambda y, a, b, c, d: y + h / 6 * (a + 2 * b + 2 * c + d), state, k1, k2, k3, k4)
-        q, v, rubbing = state
-        a1, _, vertical = forces(t, q, v, rubbing)
-        seen = [dot(m["extension"], q), dot(m["wheel"], a1), dot(m["points"], a1), vertical]
+        a1, *_, vertical = forces(t, *state)
+        seen = [dot(m["extension"], state[0]), dot(m["wheel"], a1), dot(m["points"], a1), vertical]
         return new, jnp.concatenate(seen, axis=1)
 
-    substeps = round(interval_s / STEP_S)
+    substeps = round(interval_s / step_s)
     still = jnp.zeros((len(runs), m["push"].shape[1]))
 
     def at_rest(q):
         # Nothing holds a truck fore and aft: the smallest motion that balances everything else.
         def left(flat):
-            return forces(0.0, flat.reshape(q.shape), still, breakaway * 0.0)[0].ravel()
+            return forces(0.0, flat.reshape(q.shape), still, breakaway * 0.0, breakaway * 0.0)[0].ravel()
 
         for _ in range(8 if load_shift else 0):  # Newton's method
             q = q - jnp.linalg.lstsq(jax.jacfwd(left)(q.ravel()), left(q.ravel()))[0].reshape(q.shape)
@@ -203,7 +257,14 @@ def simulate(
 
         return jax.lax.scan(sample, state, jnp.arange(round(seconds / interval_s)))[1]
 
-    return np.asarray(all_steps((at_rest(still), still, jnp.zeros_like(breakaway))))
+    return np.asarray(all_steps((at_rest(still), still, jnp.zeros_like(breakaway), jnp.zeros_like(breakaway))))
+
+
+def _tires(truck: IndependentTruck) -> list[tuple[float, float]]:
+    """Spokes of all axles, whose tangents are those of the first load case."""
+    first = np.array(next(iter(truck.load_cases.values()))[0]) * GRAVITY
+    of_tires = zip(truck.radius_m, first, truck.tire_N_per_m, truck.tire_N_s_per_m, strict=True)
+    return [spokes(*v, truck.spoke_exponent) for v in of_tires]
 
 
 def peak_ratios(truck: IndependentTruck, passes: tuple[tuple[str, float], ...]) -> np.ndarray:

@@ -44,6 +44,10 @@ class Elements:
     c q' r / (1 + |q'| / knee), r = `bump_ratio` in compression and `rebound_ratio` in rebound; air spring
     k q (1 + a q / 2 + b q^2 / 3) with `air` = (a [1/m], b [1/m2]), its k as the static force to the power
     `load_exponent`; stops beyond the travels, which are `declared` or not, k_s d (1 + d / 15 mm).
+
+    Physics that no law of the package has: friction falls by the share `fading` at rates well above 0.1 m/s; a rubber
+    of `bushing_m_per_N` in series with the damper (whose knee is then far away); a second leaf of `helper_N_per_m`
+    beyond `helper_m` of jounce.
     """
 
     friction_share: float = 0.0
@@ -57,6 +61,10 @@ class Elements:
     rebound_m: float = 1.0
     stop_N_per_m: float = 2.0e6
     declared: bool = True
+    fading: float = 0.0
+    bushing_m_per_N: float = 0.0
+    helper_N_per_m: float = 0.0
+    helper_m: float = 1.0
 
 
 @dataclass(frozen=True)
