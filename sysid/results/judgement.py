@@ -167,32 +167,50 @@ _BALANCED = frozenset(
 
 def _balance_apart(results: Results) -> str:
     """What the force balance, which knows no road, says against k and c of the fit, in a sentence; empty if nothing."""
-    from scipy.stats import norm
-
-    from sysid.balance.evidence import disagreement
-    from sysid.estimation.parameters.suspension_elements import law_elements
-    from sysid.estimation.uncertainty.part_agreement import ACCEPTED, CHANCE
-
-    fit, balance = results.fit, results.balance
-    if fit is None or balance is None or not balance.converged:
-        return ""
-    laws = {p.axle: law_elements(p.law) for p in fit.parameters if p.quantity == "damping"}
-    known = {e.name for e in balance.estimates if e.determined and laws.get(e.axle, _BALANCED) <= _BALANCED}
-    compared = [d for d in disagreement(balance, fit) if d.name in known]
-    edge = norm.isf(0.5 * CHANCE / max(len(compared), 1))
-    apart = [(d, math.log(d.balance / d.fit)) for d in compared if abs(d.in_sd) > edge]
-    clauses = [
-        f"{in_words(d.name)} {percent(abs(math.expm1(x)))} {'higher' if x > 0.0 else 'lower'} "
-        f"(chance alone: {percent(abs(x / d.in_sd))})"
-        for d, x in apart
-        if abs(x) > ACCEPTED[d.quantity]
-    ]
+    clauses = _apart(results, described=True)
     if not clauses:
         return ""
     return (
         f"The balance of forces, which knows no road, finds {listing(clauses, _NAMED)} than the calibration. One of "
         "both does not describe the truck: bump and tires are in the calibration alone."
     )
+
+
+def _balance_silent(results: Results) -> list[str]:
+    """Where the force balance finds another k or c and lacks a law of the fit, so that it can confirm neither."""
+    clauses = _apart(results, described=False)
+    if not clauses:
+        return []
+    return [
+        f"The balance of forces finds {listing(clauses, _NAMED)} than the calibration. It lacks laws that the "
+        "calibration has of these axles, so that it confirms none of these values."
+    ]
+
+
+def _apart(results: Results, described: bool) -> list[str]:
+    """k and c that balance and fit find apart, of axles whose laws of the fit the balance knows, or of the others."""
+    fit, balance = results.fit, results.balance
+    if fit is None or balance is None or not balance.converged:
+        return []
+    from scipy.stats import norm
+
+    from sysid.balance.evidence import disagreement
+    from sysid.estimation.parameters.suspension_elements import law_elements
+    from sysid.estimation.uncertainty.part_agreement import ACCEPTED, CHANCE
+
+    laws = {p.axle: law_elements(p.law) for p in fit.parameters if p.quantity == "damping"}
+    chosen = {
+        e.name for e in balance.estimates if e.determined and (laws.get(e.axle, _BALANCED) <= _BALANCED) == described
+    }
+    compared = [d for d in disagreement(balance, fit) if d.name in chosen]
+    edge = norm.isf(0.5 * CHANCE / max(len(compared), 1))
+    apart = [(d, math.log(d.balance / d.fit)) for d in compared if abs(d.in_sd) > edge]
+    return [
+        f"{in_words(d.name)} {percent(abs(math.expm1(x)))} {'higher' if x > 0.0 else 'lower'} "
+        f"(chance alone: {percent(abs(x / d.in_sd))})"
+        for d, x in apart
+        if abs(x) > ACCEPTED[d.quantity]
+    ]
 
 
 def _parameter_words(d: PartDifference) -> str:
@@ -245,7 +263,7 @@ def _limits(results: Results) -> list[Reason]:
 
 def _notes(results: Results) -> list[str]:
     """What else to know of the results."""
-    sentences = []
+    sentences = _balance_silent(results)
     if results.posterior is not None:
         sentences += [w for w in results.posterior.warnings if w not in results.posterior.against_intervals]
     if results.fit is not None and results.fit.identifiability is not None:

@@ -4,7 +4,15 @@ import math
 from dataclasses import replace
 
 import pytest
-from small_results import Words, before_sampling, campaign_only, small_fit, small_results, with_estimates
+from small_results import (
+    Words,
+    before_sampling,
+    campaign_only,
+    small_balance,
+    small_fit,
+    small_results,
+    with_estimates,
+)
 
 from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import CampaignDetails
@@ -354,3 +362,19 @@ def test_parameters_are_named_in_words_and_names_of_files_are_left_alone():
     )
     kept = "runs/k_1.csv, k_1.csv: 'c_2' was left out; lock_1, k_1x and knee_x are no parameters."
     assert in_words(kept) == kept
+
+
+def test_the_balance_speaks_against_laws_that_it_knows_and_confirms_no_others() -> None:
+    """k of axle 1 by the balance is 15 % below that of the fit, five standard deviations of both."""
+    fit = small_fit()
+    low = replace(small_balance().estimates[0], value=0.85 * 4.2e5, low=0.81 * 4.2e5, high=0.89 * 4.2e5)
+    balance = replace(small_balance(), estimates=(low,))
+    for law, against in (("friction", True), ("leaf_friction", False)):
+        parameters = tuple(replace(p, law=law) for p in fit.parameters)
+        results = small_results(fit=replace(fit, parameters=parameters), balance=balance)
+        judged = judge(results)
+        assert ("balance_disagrees" in judged.kinds) == against
+        assert any("k of axle 1 15" in s and "One of both" in s for s in judged.reasons) == against
+        assert any("k of axle 1 15" in s and "confirms none" in s for s in judged.notes) != against
+    same = judge(small_results(fit=fit, balance=small_balance()))
+    assert not any("balance" in s for s in (*same.reasons, *same.notes))
