@@ -97,12 +97,14 @@ def _answer(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
 
 
 def _subject(results: Results) -> list[str]:
-    """Vehicle, date, place and operator of the test, and the mark of its input files: what a reader files it under."""
+    """Vehicle, date, place and operator of the test, inputs and program: what a reader files it under."""
     details = results.campaign.details
     said = [results.campaign.vehicle.name, details.vehicle_id, details.date, details.place, details.operator]
     files = "".join(f"{name} {digest}\n" for name, digest in sorted(results.input_sha256.items()))
     mark = hashlib.sha256(files.encode("utf-8")).hexdigest()[:12]
-    return [*(text for text in said if text), *([f"inputs {mark}"] if files else [])]
+    program = results.provenance.get("versions", {}).get("sysid")
+    marks = [f"inputs {mark}"] * bool(files) + [f"sysid {program}"] * bool(program)
+    return [*(text for text in said if text), *marks]
 
 
 def _measurements(results: Results, gallery: figures.Gallery) -> dict[str, Any]:

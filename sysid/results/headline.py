@@ -176,13 +176,14 @@ def _largest_words(results: Results) -> str:
         return ""
     most, elsewhere = max(known, key=lambda load: load.peak_N), _higher_elsewhere(results)
     if elsewhere is not None:
-        words, beyond = _at_speed(elsewhere), elsewhere.beyond
+        # It stands in none of the requested passes.
+        head, words, beyond = "Largest at any speed", _at_speed(elsewhere), elsewhere.beyond
     else:
-        so, beyond = ", an extrapolation" if most.beyond else "", most.beyond
+        so, beyond = ", extrapolated" if most.beyond else "", most.beyond
         load = in_thousands(most.peak_N, most.low_N, most.high_N)
-        words = f"{load} kN on axle {most.axle + 1} ({most.pass_name}{so})"
+        head, words = "Largest", f"{load} kN on axle {most.axle + 1} ({most.pass_name}{so})"
     backed = _most(largest_at_any_speed(results, as_driven=True)) if beyond else None
-    return f"Largest: {words}." if backed is None else f"Largest: {words}; within the driven runs {_at_speed(backed)}."
+    return f"{head}: {words}." if backed is None else f"{head}: {words}; within driven runs {_at_speed(backed)}."
 
 
 def _higher_elsewhere(results: Results) -> PeakLoad | None:
@@ -193,7 +194,7 @@ def _higher_elsewhere(results: Results) -> PeakLoad | None:
 
 
 def _at_speed(load: PeakLoad) -> str:
-    so = ", an extrapolation" if load.beyond else ""
+    so = ", extrapolated" if load.beyond else ""
     return f"{fixed(load.peak_N / 1e3, 0)} kN on axle {load.axle + 1} ({load.pass_name}{so})"
 
 

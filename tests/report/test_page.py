@@ -161,6 +161,7 @@ def test_first_screen_gives_verdict_next_step_and_values_with_interval_and_unit(
     text = " ".join(re.sub("<[^>]*>", " ", re.sub("<svg.*?</svg>", "", first, flags=re.DOTALL)).split())
     text = text.replace("\xa0", " ")
     assert "Can I use k and c?" in text
+    assert "· sysid 0.1.0 ·" in text[: text.index("Can I use")]
     assert text.index("Next:") < text.index("Figure 1.")
     assert "CONVERGED" in text
     s = small_results().posterior.summaries[0]
