@@ -181,6 +181,10 @@ def selftest(campaign: Path, replicates: int, seed: int) -> None:
     help="The same of every c.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print every report as one line of JSON.")
+@click.option("--page", is_flag=True, help="Show the day on a page too, for a browser on this machine only.")
+@click.option("--port", default=0, metavar="PORT", type=click.IntRange(0, 65535),
+              help="Port of the page (default: one that is free).")  # fmt: skip
+@click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
 def watch(folder: Path, no_fit: bool, **choices: Any) -> None:
     """A test day: check every log that lands in FOLDER; say what is known of k and c, what comes next, when to stop."""
     from sysid.cli.watch import WatchChoices, run_watch

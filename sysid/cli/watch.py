@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,11 +18,12 @@ from sysid.cli.guarded import guarded
 from sysid.cli.tables import render
 from sysid.display import TextTable
 from sysid.folder_lock import FolderLock, writing_to
+from sysid.numbers import listing
 from sysid.wording import shorten
 from sysid.workflow.stage import Blocks
 
 if TYPE_CHECKING:
-    from sysid.watch import DayReport, KnownAxle, KnownValue, LogVerdict, PlannedTest, TestDay
+    from sysid.watch import DayReport, KnownAxle, KnownValue, LogVerdict, PlannedTest, StopRule, TestDay
 
 #: How often the folder is looked at in one pass [s], and how long that waits for files that still grow.
 _SOON_S, _GROWING_S = 0.25, 10.0
@@ -48,19 +50,25 @@ class WatchChoices:
     stiffness_percent: float
     damping_percent: float
     as_json: bool
+    page: bool
+    port: int
+    opens: bool
 
 
 def run_watch(folder: Path, choices: WatchChoices) -> int:
     """Watch the folder until it is stopped, or look once; the exit code."""
 
     def do(screen: Console, errors: Console) -> int:
-        from sysid.watch import StopRule, TestDay
+        from sysid.watch import TestDay
 
-        rule = StopRule(choices.stiffness_percent / 100.0, choices.damping_percent / 100.0)
+        rule = _rule(choices)
         day = TestDay(folder, choices.output, choices.campaign, rule, choices.estimates, begin=choices.begin)
-        with FolderLock(day.output), writing_to(day.output):
+        with FolderLock(day.output), writing_to(day.output), _page(day, choices, errors) as show:
             try:
                 for report in _once(day) if choices.once else _for_ever(day, choices.every_s):
+                    show(report)
+                    if report is None:
+                        continue
                     if choices.as_json:
                         # Not by the console, which would fold long lines.
                         click.echo(_json(report))
@@ -71,6 +79,48 @@ def run_watch(folder: Path, choices: WatchChoices) -> int:
         return 0
 
     return guarded("watch", f"Stopped. What is known is kept in {choices.output}; start again to go on.", do)
+
+
+@contextmanager
+def _page(day: TestDay, choices: WatchChoices, errors: Console) -> Iterator[Callable[[DayReport | None], None]]:
+    """What brings the page up to date after a look; nothing where no page was asked for."""
+    if not (choices.page or choices.opens):
+        yield lambda report: None
+        return
+    from sysid.watch.page import day_page, day_part
+    from sysid.watch.server import PageServer
+
+    server = PageServer(day_page, choices.port)
+    rule = _rule(choices)
+    known: DayReport | None = None
+    last: tuple[LogVerdict, ...] = ()
+
+    def show(report: DayReport | None) -> None:
+        nonlocal known, last
+        now = report or known
+        # That a file is complete need not be worth a report.
+        now = None if now is None else replace(now, growing=day.growing)
+        if now != known:
+            known, last = now, (report.new if report is not None else ()) or last
+            server.show(day_part(known, last, day.vehicle, rule))
+
+    server.show(day_part(None, (), None, rule))
+    server.start()
+    try:
+        errors.print(f"Page: {server.address}", markup=False, soft_wrap=True)
+        if choices.opens:
+            import webbrowser
+
+            webbrowser.open(server.address)
+        yield show
+    finally:
+        server.stop()
+
+
+def _rule(choices: WatchChoices) -> StopRule:
+    from sysid.watch import StopRule
+
+    return StopRule(choices.stiffness_percent / 100.0, choices.damping_percent / 100.0)
 
 
 def _once(day: TestDay) -> Iterator[DayReport]:
@@ -90,11 +140,10 @@ def _once(day: TestDay) -> Iterator[DayReport]:
         yield replace(last, new=last.logs, remarks=tuple(remarks), growing=day.growing)
 
 
-def _for_ever(day: TestDay, every_s: float) -> Iterator[DayReport]:
+def _for_ever(day: TestDay, every_s: float) -> Iterator[DayReport | None]:
+    """What every look brings, None where that is nothing new."""
     while True:
-        report = day.look()
-        if report is not None:
-            yield report
+        yield day.look()
         time.sleep(every_s)
 
 
@@ -115,7 +164,7 @@ def show_report(report: DayReport) -> Blocks:
         yield from _verdict_lines(verdict)
     yield from report.remarks
     if report.growing:
-        yield f"Still written: {', '.join(shorten(name, 100) for name in report.growing)}"
+        yield f"Still written: {listing([shorten(name, 100) for name in report.growing])}"
     if report.planned and report.new:
         yield _tests(report.planned)
     if not report.logs:

@@ -31,6 +31,7 @@ def truck(
     rows: Sequence[tuple[str, Sequence[str]]],
     highlight: int | None = None,
     ax: Axes | None = None,
+    hubs: Sequence[str] | None = None,
 ) -> Axes:
     """The vehicle travelling to the left, its axles at their distances, and below each axle its column of `rows`.
 
@@ -40,6 +41,7 @@ def truck(
     rows : pairs of a head and one text per axle, front to rear; a text may have two lines.
     highlight : index of an axle whose column stands in bold, None for none.
     ax : axes of a width of their own, as high as :func:`truck_height` says for it.
+    hubs : colours of the axles' hubs; None for white.
 
     Raises
     ------
@@ -73,7 +75,8 @@ def truck(
         _draw_body(ax, vehicle, body, [x_in(front), x_in(rear)], y_in, per_metre)
     ax.plot([_HEADS, width - 0.05], [y_in(0.0)] * 2, color=INK, lw=1.2)
     for i, axle in enumerate(axles):
-        _draw_axle(ax, i, x_in(axle.x_m), y_in(axle.tire_radius_m), axle.tire_radius_m * per_metre)
+        centre = (x_in(axle.x_m), y_in(axle.tire_radius_m))
+        _draw_axle(ax, i, *centre, axle.tire_radius_m * per_metre, "white" if hubs is None else hubs[i])
     for a, b in pairwise(axles):
         middle = (x_in(a.x_m) + x_in(b.x_m)) / 2.0
         ax.text(middle, y_in(0.0) - 0.12, f"{b.x_m - a.x_m:.3g} m", ha="center", fontsize=6.5, color=MUTED)
@@ -151,10 +154,10 @@ def _draw_body(
         ax.add_patch(Polygon(window, fc="white", ec=_STEEL, lw=0.7, zorder=3))
 
 
-def _draw_axle(ax: Axes, index: int, x: float, centre: float, radius: float) -> None:
-    color = axle_color(index)
+def _draw_axle(ax: Axes, index: int, x: float, centre: float, radius: float, hub: str) -> None:
+    color = axle_color(index) if hub == "white" else INK
     ax.add_patch(Circle((x, centre), radius, fc="#3e4c59", ec=INK, lw=0.8, zorder=4))
-    ax.add_patch(Circle((x, centre), 0.55 * radius, fc="white", ec="none", zorder=5))
+    ax.add_patch(Circle((x, centre), 0.55 * radius, fc=hub, ec="none", zorder=5))
     ax.text(
         x, centre, str(index + 1), ha="center", va="center_baseline", fontsize=8, weight="bold", color=color, zorder=6
     )

@@ -16,9 +16,16 @@ from sysid.numbers import MISSING, count, fixed, number, percent
 from sysid.wording import plain_text
 
 
-def render_page(template: str, content: Mapping[str, Any]) -> str:
-    """A page from one of our templates: everything in `content` that is no Markup is escaped."""
-    style, script = _asset("style.css"), _asset("page.js")
+def render_page(
+    template: str, content: Mapping[str, Any], name: str = "page", style_name: str = "style", connects: bool = False
+) -> str:
+    """A page from one of our templates: everything in `content` that is no Markup is escaped.
+
+    Parameters
+    ----------
+    name, style_name : of its script and its style sheet. connects : whether the script may ask where the page is from.
+    """
+    style, script = _asset(f"{style_name}.css"), _asset(f"{name}.js")
     # The policy admits exactly our style sheet and our script, by hash: injected ones would not run.
     policy = "; ".join(
         (
@@ -26,12 +33,17 @@ def render_page(template: str, content: Mapping[str, Any]) -> str:
             f"style-src '{_hash(style)}'",
             f"script-src '{_hash(script)}'",
             "img-src data:",
+            *(["connect-src 'self'"] if connects else []),
             "base-uri 'none'",
             "form-action 'none'",
         )
     )
-    page = _environment().get_template(template)
-    return page.render(policy=policy, style=Markup(style), script=Markup(script), **content)
+    return render_part(template, {**content, "policy": policy, "style": Markup(style), "script": Markup(script)})
+
+
+def render_part(template: str, content: Mapping[str, Any]) -> str:
+    """A part of a page: everything in `content` that is no Markup is escaped."""
+    return _environment().get_template(template).render(**content)
 
 
 @cache

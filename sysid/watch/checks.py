@@ -11,6 +11,7 @@ import numpy as np
 
 from sysid.bookkeeping.check import check_bookkeeping
 from sysid.campaign.findings import ChannelFinding, QualityReport
+from sysid.campaign.inputs.logs import NO_COLUMN
 from sysid.campaign.quality.check import check_quality
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import BumpRun, Campaign, Scan
@@ -83,8 +84,11 @@ def check_log(campaign: Path, name: str, unfinished: bool, guessed: bool = False
     notes = _of_channels([f for f in report.channels if f.verdict == "usable" and f not in silent])
     about = (m for m in report.messages if name in m and m not in report.left_out)
     about = (m.removeprefix(f"{name}: ") for m in about if not any(inner in m for inner in said))
-    notes += [m for m in about if "more such channel" not in m]
-    return LogCheck("look" if answer == "good" and silent else answer, tuple(reasons), tuple(notes))
+    others = [m for m in about if "more such channel" not in m]
+    absent = [m for m in others if m.endswith(NO_COLUMN)]
+    reasons += absent
+    notes += [m for m in others if m not in absent]
+    return LogCheck("look" if answer == "good" and (silent or absent) else answer, tuple(reasons), tuple(notes))
 
 
 def _without_remedies_in_the_file(report: QualityReport) -> QualityReport:

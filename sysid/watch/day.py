@@ -14,6 +14,7 @@ from sysid.campaign.changed import tables_text
 from sysid.campaign.declared import read_declared
 from sysid.campaign.inputs.paths import campaign_file, relative_name
 from sysid.campaign.toml.reading import parse_toml
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.errors import CampaignError, SysidError
 from sysid.files import read_json, write_text
 from sysid.first_look import FirstLook, campaign_text, first_look
@@ -101,6 +102,7 @@ class TestDay:
         self._day = DayCheck()
         self._listing = Listing({}, ())
         self._growing_now: tuple[str, ...] = ()
+        self._vehicle: Vehicle | None = None
         self._remarks: list[str] = []
         self._changed = True
 
@@ -113,6 +115,11 @@ class TestDay:
     def growing(self) -> tuple[str, ...]:
         """Names of files that are still written."""
         return self._growing_now
+
+    @property
+    def vehicle(self) -> Vehicle | None:
+        """The vehicle of the campaign file, None as long as something of it is to be filled in."""
+        return self._vehicle
 
     def look(self) -> DayReport | None:
         """Look at the folder; None if there is nothing new to say.
@@ -217,7 +224,9 @@ class TestDay:
             return
         write_text(self._file_so_far, tables_text(known.tables))
         try:
-            read_declared(self._file_so_far, unfinished=known.unfinished)
+            declared = read_declared(self._file_so_far, unfinished=known.unfinished)
+            guessed = any(where.startswith("vehicle") for where in known.open_values)
+            self._vehicle = None if guessed else declared.vehicle.vehicle
         except CampaignError as error:
             # Nothing can be said of a log while the file itself is wrong.
             self._say(str(error))

@@ -10,9 +10,11 @@ import numpy as np
 
 from sysid.display import Z90
 from sysid.sdof.averages import mean_with_scatter
-from sysid.watch.records import KnownAxle, KnownValue, PlannedTest, StopRule
+from sysid.watch.records import AxleState, KnownAxle, KnownValue, PlannedTest, StopRule
 from sysid.wording import shorten
 
+#: From the best to the worst.
+_STATES: tuple[AxleState, ...] = ("known", "wide", "unknown")
 _QUANTITIES = ("stiffness", "damping")
 _SYMBOLS = {"stiffness": "k", "damping": "c"}
 #: Reasons against k and c that no further quiet time mends: values may be wrong by more than their intervals.
@@ -87,6 +89,20 @@ def known_axles(names: Sequence[str], *sources: Mapping[Place, KnownValue]) -> t
             k, c = (values.get((case, q)) or values.get((None, q)) for q in _QUANTITIES)
             rows.append(KnownAxle(axle, name, case, k, c))
     return tuple(rows)
+
+
+def axle_states(known: Sequence[KnownAxle], rule: StopRule) -> dict[int, AxleState]:
+    """What is known of each axle (from 1), the least of k and c in any load case."""
+    states: dict[int, AxleState] = {}
+    for row in known:
+        values = ((row.stiffness, rule.stiffness), (row.damping, rule.damping))
+        state: AxleState = "known"
+        if any(value is None for value, _ in values):
+            state = "unknown"
+        elif not all(value is not None and value.half_width <= asked for value, asked in values):
+            state = "wide"
+        states[row.axle] = max(states.get(row.axle, "known"), state, key=_STATES.index)
+    return states
 
 
 def missing(

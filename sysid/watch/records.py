@@ -11,6 +11,8 @@ Answer = Literal["good", "look", "repeat", "unlisted"]
 TestKind = Literal["plank_drop", "bump_run", "road_drive"]
 #: Where k and c come from: the fit of runs and drops, the force balance of the runs, or drops read one by one.
 Source = Literal["fit", "balance", "drops"]
+#: k and c of an axle: both as well as asked for, both in wider intervals, or not both.
+AxleState = Literal["known", "wide", "unknown"]
 
 
 @dataclass(frozen=True)

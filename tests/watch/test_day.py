@@ -112,6 +112,16 @@ def test_a_sensor_that_dies_at_run_4(track: _Track) -> None:
     assert "it takes the place of another log of this name." in verdict.notes
 
 
+def test_a_sensor_that_is_not_in_the_log(track: _Track) -> None:
+    text = (SOURCE / RUNS[0]).read_text()
+    track.land(RUNS[0], text.replace("lvdt3_mm", "lvdt7_mm", 1))
+    verdict = track.verdict(RUNS[0])
+    assert verdict.answer == "look"
+    assert verdict.reasons == (
+        "the column 'lvdt3_mm' is missing (the file has 'lvdt7_mm'); the sensor is left out there.",
+    )
+
+
 def test_a_renamed_log(track: _Track) -> None:
     path = track.land(DROP)
     track.report()

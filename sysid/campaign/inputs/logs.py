@@ -21,6 +21,8 @@ from sysid.logs.registry import read_channels
 from sysid.logs.text_table import file_content, near_names
 from sysid.wording import shorten
 
+#: How the sentence about a log without the column of a sensor ends.
+NO_COLUMN = "the sensor is left out there."
 _SUGGESTED = 10  # missing columns for which a near name is looked for
 _AS_FAST = 1.05  # steps of a pitch rate that count as no longer than those of the others
 CLIP_TOLERANCE = 1e-4  # of full scale: rounding of the written digits
@@ -143,7 +145,7 @@ def _missing(columns: Sequence[str], known: dict[str, RawChannel], content: LogC
         )
     return [
         f"{name}: the column '{shorten(column)}' is missing"
-        f"{near_names(column, content.names) if i < _SUGGESTED else ''}; the sensor is left out there."
+        f"{near_names(column, content.names) if i < _SUGGESTED else ''}; {NO_COLUMN}"
         for i, column in enumerate(missing)
     ]
 
