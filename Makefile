@@ -30,7 +30,7 @@ fuzz: $(VENV)/.dev
 # The report in headless Chromium: accessibility (axe-core), console, network, interaction. Needs node and chromium.
 test-browser: $(VENV)/.dev
 	cd tests/report/browser && npm install --silent --no-audit --no-fund
-	$(BIN)/python -m pytest -m browser tests/report
+	$(BIN)/python -m pytest -m browser tests/report tests/watch
 
 # The examples for other bridge programs, installed for this alone. OpenSees needs libblas3 and liblapack3 of the system.
 test-bridges: $(VENV)/.dev

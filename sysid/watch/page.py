@@ -49,7 +49,9 @@ class _Row:
 
 def day_page() -> str:
     """The whole page; what it shows is in :func:`day_part`, for which its script asks."""
-    return render_page("day.html", {"page_title": "Test day", "preview": False}, "day", "day", connects=True)
+    return render_page(
+        "day.html", {"page_title": "Test day", "preview": False, "served": True}, "day", "day", connects=True
+    )
 
 
 def day_part(report: DayReport | None, last: Sequence[LogVerdict], vehicle: Vehicle | None, rule: StopRule) -> str:
