@@ -31,6 +31,18 @@ def test_axles_of_m1600_on_thirty_metres():
     assert train_effect(line(bridge, "moment"), [120e3] * 12, wider, 30.0) != pytest.approx(5250e3, rel=1e-4)
 
 
+def test_trains_cross_in_either_direction():
+    """At a quarter of the span M = (0.75 L) / 4 per newton: of 30 and 10 kN, 4 m apart, the heavy one stands there."""
+    bridge = simple(20.0, 5.0)
+    moment = line(bridge, "moment")
+    exact = 30e3 * 3.75 + 10e3 * 3.75 * (15.0 - 4.0) / 15.0
+    for load in ([30e3, 10e3], [10e3, 30e3]):
+        assert train_effect(moment, load, [0.0, 4.0], 20.0) == pytest.approx(exact, rel=1e-9)
+    # Equal loads at unequal distances too.
+    both = [train_effect(moment, [1e3] * 3, x, 20.0) for x in ([0.0, 1.0, 6.0], [0.0, 5.0, 6.0])]
+    assert both[0] == pytest.approx(both[1], rel=1e-9)
+
+
 def test_load_model_1_at_mid_span():
     """Tandem 600 kN: L / 4 less half a spacing of 1.2 m over two; lane q L^2 / 8."""
     length = 20.0
