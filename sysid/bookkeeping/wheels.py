@@ -251,18 +251,22 @@ def _rise(run: BumpRun, passage: Passage, axle: int, profile: RoadProfile, felt:
     target = _band(rise, step, high_pass=False)[window]
     shifts = np.arange(0.1, max(0.5 * profile.length_m, 0.6) + 0.46, 0.03)
     whole = max(float(target @ target), 1e-30)
+    # Only the road moves with the shift: what the other columns explain is taken from it and from the target once.
+    basis, strength, _ = np.linalg.svd(np.stack([k[window] for k in known], axis=1), full_matrices=False)
+    basis = basis[:, strength > 1e-10 * strength[0]]
+    rest = target - basis @ (basis.T @ target)
+    times = grid[window] - shifts[:, None] / speed
 
     def fitted(station: np.ndarray, height: np.ndarray) -> tuple[float, float]:
         """Share that the best shift leaves, and the height of the bump there."""
         road = _band(np.interp(speed * (grid - arrival), station, height, left=0.0, right=0.0), step)
-        left = []
-        for shift in shifts:
-            moved = np.interp(grid[window] - shift / speed, grid, road)
-            design = np.stack([moved, *(k[window] for k in known)], axis=1)
-            solution = np.linalg.lstsq(design, target, rcond=1e-10)[0]
-            rest = target - design @ solution
-            left.append((float(rest @ rest) / whole, float(solution[0])))
-        return min(left)
+        moved = np.interp(times, grid, road)
+        moved -= (moved @ basis) @ basis.T
+        power = np.maximum(np.einsum("st,st->s", moved, moved), 1e-30)
+        size = moved @ rest / power
+        left = np.maximum(rest @ rest - size**2 * power, 0.0) / whole
+        best = int(np.argmin(left))
+        return float(left[best]), float(size[best])
 
     station, height = _about_middle(felt.rise_m, float(felt.station_m[1] - felt.station_m[0]))
     left, rises = fitted(station, height)

@@ -50,15 +50,22 @@ def readings_at(channel: Channel, at_s: np.ndarray, highest_hz: float = np.inf, 
     if time.size < 2:
         return np.full(at_s.size, np.nan)
     result = np.interp(at_s, time, value, left=np.nan, right=np.nan)
-    for first, last in pauses(time, longest_pause_s(time, highest_hz)):
+    for first, last in _gaps(time, highest_hz):
         result[(at_s > first) & (at_s < last)] = np.nan
     return np.asarray(result)
 
 
 def gaps_of(channel: Channel, highest_hz: float) -> list[tuple[float, float]]:
     """Begin and end [s] of every gap inside the record of a channel, for motion up to `highest_hz`."""
-    time = channel.time_s[np.isfinite(channel.value)]
-    return pauses(time, longest_pause_s(time, highest_hz))
+    return _gaps(channel.time_s[np.isfinite(channel.value)], highest_hz)
+
+
+def _gaps(time_s: np.ndarray, highest_hz: float, readings_s: np.ndarray | None = None) -> list[tuple[float, float]]:
+    """Steps between times that a line does not bridge; the usual step is that of the readings."""
+    # Where every step is short, the usual one need not be known.
+    if time_s.size < 2 or np.max(np.diff(time_s)) <= _BRIDGED_PERIODS / highest_hz:
+        return []
+    return pauses(time_s, longest_pause_s(time_s if readings_s is None else readings_s, highest_hz))
 
 
 def unseen(channel: Channel, highest_hz: float, log_s: tuple[float, float] | None = None) -> list[tuple[float, float]]:
@@ -75,8 +82,8 @@ def unseen(channel: Channel, highest_hz: float, log_s: tuple[float, float] | Non
     begin, end = log_s or (float(channel.time_s[0]), float(channel.time_s[-1]))
     if not time.size:
         return [(begin, end)]
-    longest = longest_pause_s(time, highest_hz)
-    return pauses(np.concatenate([[min(begin, time[0])], time, [max(end, time[-1])]]), longest)
+    whole = np.concatenate([[min(begin, time[0])], time, [max(end, time[-1])]])
+    return _gaps(whole, highest_hz, time)
 
 
 def is_whole(channel: Channel, begin_s: float, end_s: float, highest_hz: float) -> bool:
@@ -84,11 +91,11 @@ def is_whole(channel: Channel, begin_s: float, end_s: float, highest_hz: float) 
     time = channel.time_s[np.isfinite(channel.value)]
     if time.size < 2:
         return False
-    pause = longest_pause_s(time, highest_hz)
     begin, end = max(begin_s, float(channel.time_s[0])), min(end_s, float(channel.time_s[-1]))
-    if time[0] > begin + pause or time[-1] < end - pause:
+    late_s = max(float(time[0]) - begin, end - float(time[-1]))
+    if late_s > _BRIDGED_PERIODS / highest_hz and late_s > longest_pause_s(time, highest_hz):
         return False
-    return not any(first < end and last > begin for first, last in pauses(time, pause))
+    return not any(first < end and last > begin for first, last in _gaps(time, highest_hz))
 
 
 def parted(channel: Channel) -> tuple[Channel, np.ndarray]:

@@ -8,7 +8,6 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize_scalar
-from scipy.sparse import csc_array
 
 from sysid.arrays import Points, Stations
 
@@ -99,9 +98,7 @@ def fit_spline(
     inside = (data.station_m > start_m) & (data.station_m < end_m)
     station, height, weight = data.station_m[inside], data.height_m[inside], data.weight[inside]
     # Dropping the first and the last coefficient makes the spline zero at both ends and leaves its slope free.
-    design = BSpline.design_matrix(station, knots, 3)[:, 1:-1]
-    gram = _lower_band(csc_array(design.T @ design.multiply(weight[:, None])))
-    right = design.T @ (weight * height)
+    gram, right = _normal_equations(station, height, weight, knots)
     penalty = _penalty_band(knots, breaks)
     squares = float(np.sum(data.weight * data.height_m**2)) + data.scatter_m2
     log_penalty = _log_determinant(cholesky_banded(penalty, lower=True))
@@ -143,6 +140,28 @@ def fit_spline(
     )
 
 
+def _normal_equations(
+    station: np.ndarray, height: np.ndarray, weight: np.ndarray, knots: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Lower bands (4, m) of B'WB and B'Wz, without the first and the last coefficient.
+
+    At each station four splines differ from zero, one behind the other.
+    """
+    design = BSpline.design_matrix(station, knots, 3)
+    spline, first = design.data.reshape(-1, 4), design.indices.reshape(-1, 4)[:, 0]
+    count = design.shape[1]
+
+    def summed(value: np.ndarray, place: int) -> np.ndarray:
+        return np.bincount(first + place, weights=value, minlength=count)
+
+    right = np.sum([summed(weight * height * spline[:, p], p) for p in range(4)], axis=0)
+    band = np.zeros((4, count - 2))
+    for k in range(4):
+        diagonal = np.sum([summed(weight * spline[:, p] * spline[:, p + k], p) for p in range(4 - k)], axis=0)
+        band[k, : count - 2 - k] = diagonal[1 : count - 1 - k]
+    return band, right[1:-1]
+
+
 def _penalty_band(knots: np.ndarray, breaks: np.ndarray) -> np.ndarray:
     """Return the lower bands of the matrix of integrals of products of second derivatives.
 
@@ -178,14 +197,6 @@ def _moved(diagonal: np.ndarray, rows: int) -> np.ndarray:
     if rows >= 0:
         return np.append(diagonal[rows:], np.zeros(rows))
     return np.append(np.zeros(-rows), diagonal[:rows])
-
-
-def _lower_band(matrix: csc_array) -> np.ndarray:
-    size = matrix.shape[0]
-    band = np.zeros((4, size))
-    for k in range(4):
-        band[k, : size - k] = matrix.diagonal(-k)
-    return band
 
 
 def _log_determinant(factor: np.ndarray) -> float:

@@ -109,14 +109,15 @@ def find_passage(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: floa
         None where fewer than two axles have sensors, or there is no bump to be seen, as in records below 0.04 s.
     """
     sensors = {c.sensor.axle: c for c in channels if c.sensor.kind == "axle_acceleration" and c.sensor.axle is not None}
-    moved = {axle: found for axle, c in sensors.items() if (found := integrated(c, 2)) is not None}
+    motions = {axle: found for axle, c in sensors.items() if (found := _integrals(c, 1, 2)) is not None}
+    moved = {axle: (grid, rise) for axle, (grid, (_, rise)) in motions.items()}
     if len(moved) < 2 or max(float(grid[-1]) for grid, _ in moved.values()) < 2.0 * _COARSE_S:
         return None
     x = {axle: vehicle.axles[axle].x_m for axle in moved}
     if max(x.values()) - min(x.values()) < 0.5:
         return None
     missing = {axle: _unseen(sensors[axle], channels) for axle in moved}
-    rising = {axle: motion for axle in moved if (motion := integrated(sensors[axle], 1)) is not None}
+    rising = {axle: (grid, velocity) for axle, (grid, (velocity, _)) in motions.items()}
     # What is integrated over a gap is wrong for a while: axles without any show the speed, if they are enough.
     whole = {axle: motion for axle, motion in moved.items() if not missing[axle]}
     shown = whole if len(whole) > 2 else moved
@@ -218,6 +219,12 @@ def _quiet_before(motion: tuple[np.ndarray, np.ndarray], arrival_s: float, speed
 
 def integrated(channel: Channel, times: int) -> tuple[np.ndarray, np.ndarray] | None:
     """Times [s] on an even grid and the acceleration integrated once or twice, without what is slower than 0.4 Hz."""
+    found = _integrals(channel, times)
+    return None if found is None else (found[0], found[1][0])
+
+
+def _integrals(channel: Channel, *times: int) -> tuple[np.ndarray, list[np.ndarray]] | None:
+    """Times [s] on an even grid, and the acceleration integrated as often as each number says."""
     good = np.isfinite(channel.value)
     if good.sum() < 20:
         return None
@@ -230,10 +237,11 @@ def integrated(channel: Channel, times: int) -> tuple[np.ndarray, np.ndarray] | 
     value = np.interp(grid, time, channel.value[good])
     padded = 2 * count
     frequency = np.fft.rfftfreq(padded, step)
-    pass_band = frequency[1:] ** 4 / (frequency[1:] ** 4 + HIGH_PASS_HZ**4)
-    factor = np.zeros(frequency.size, complex)
-    factor[1:] = pass_band / (2j * np.pi * frequency[1:]) ** times
-    return grid, np.fft.irfft(np.fft.rfft(value - np.median(value), padded) * factor, padded)[:count]
+    spectrum = np.fft.rfft(value - np.median(value), padded)
+    spectrum[0] = 0.0
+    spectrum[1:] *= frequency[1:] ** 4 / (frequency[1:] ** 4 + HIGH_PASS_HZ**4)
+    omega = 2j * np.pi * np.maximum(frequency, frequency[1])
+    return grid, [np.fft.irfft(spectrum / omega**order, padded)[:count] for order in times]
 
 
 def _stacked(
