@@ -48,13 +48,19 @@ def function_hints(function: Callable[..., Any]) -> dict[str, Any]:
 
 @cache
 def field_hints(cls: type) -> dict[str, Any]:
-    """Type hints of a dataclass's fields by name."""
+    """Type hints of a dataclass's fields by name; a kind of tuple is kept as the tuple that it is."""
     names: dict[str, Any] = {}
     for base in cls.__mro__:
         words = " ".join(map(str, inspect.get_annotations(base).values()))
         names |= _guarded_names(base.__module__, words)
     hints = typing.get_type_hints(cls, localns=names)
-    return {f.name: hints[f.name] for f in dataclasses.fields(cls)}
+    return {f.name: _as_tuple(hints[f.name]) for f in dataclasses.fields(cls)}
+
+
+def _as_tuple(hint: Any) -> Any:
+    if not (isinstance(hint, type) and issubclass(hint, tuple)):
+        return hint
+    return next((base for base in getattr(hint, "__orig_bases__", ()) if get_origin(base) is tuple), hint)
 
 
 def schema_digest(hint: Any) -> str:

@@ -64,6 +64,9 @@ def test_quick_is_the_preview_of_the_command_line(tmp_path) -> None:
 def test_values_are_found_by_name_and_a_slip_names_the_nearest() -> None:
     results = small_results()
     assert results.fit["c_1"] is next(p for p in results.fit.parameters if p.name == "c_1")
+    table = results.fit.parameters.to_pandas().set_index("name")
+    assert table.loc["c_1", "value"] == results.fit["c_1"].value
+    assert "c_1" in repr(results.fit.parameters)
     assert results.posterior["c_1"] is next(s for s in results.posterior.summaries if s.name == "c_1")
     for result in (results.fit, results.posterior):
         with pytest.raises(KeyError, match="did you mean 'c_1'"):

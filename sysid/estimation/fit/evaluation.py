@@ -23,7 +23,7 @@ from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.state import FitPoint, FitState, fit_point
 from sysid.estimation.fit.thresholds import MISFIT, SOLVERS_APART_SD, STEP_HALVING
 from sysid.estimation.fit.undecided_laws import spread_rows
-from sysid.estimation.parameters.estimate import ParameterEstimate
+from sysid.estimation.parameters.estimate import ParameterEstimate, ParameterEstimates
 from sysid.estimation.parameters.rockers import load_shares
 from sysid.estimation.residuals.compressed import Compressed
 from sysid.estimation.residuals.histories import run_histories
@@ -101,8 +101,8 @@ def evaluate_optimum(
     values = (*implausible.impossible, *implausible.contradict)
     point = replace(_fit_point(problem, vector, adjusted, shared), clocks=optimum.clocks)
     fit = FitResult(
-        parameters=estimates,
-        run_parameters=runs,
+        parameters=ParameterEstimates(estimates),
+        run_parameters=ParameterEstimates(runs),
         covariance=shared,
         histories=_with_speed_sd(
             run_histories(campaign, model, weights, motion, parameters, optimum.instrument, optimum.rolling), runs

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from sysid.arrays import ParametersByParameters
 from sysid.estimation.fit.causes import Cause
-from sysid.estimation.parameters.estimate import ParameterEstimate
+from sysid.estimation.parameters.estimate import ParameterEstimate, ParameterEstimates
 from sysid.estimation.parameters.rockers import LoadShare
 from sysid.estimation.parameters.undeclared_parts import UndeclaredFrame
 from sysid.estimation.residuals.run_history import RunHistory
@@ -20,21 +20,6 @@ from sysid.wording import finish, nearest, shorten
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-_PARAMETER_COLUMNS = (
-    "name",
-    "axle",
-    "quantity",
-    "load_case",
-    "unit",
-    "value",
-    "sd",
-    "start",
-    "prior_median",
-    "prior_sd",
-    "identified",
-)
 
 
 @dataclass(frozen=True)
@@ -152,8 +137,8 @@ class FitResult(Tabular):
       what the channels show before the bump.
     """
 
-    parameters: tuple[ParameterEstimate, ...]
-    run_parameters: tuple[ParameterEstimate, ...]
+    parameters: ParameterEstimates
+    run_parameters: ParameterEstimates
     covariance: ParametersByParameters
     histories: tuple[RunHistory, ...]
     converged: bool
@@ -183,6 +168,10 @@ class FitResult(Tabular):
     parts: tuple[PartDifference, ...] = ()
     further: FurtherUnknowns | None = None
 
+    def __post_init__(self) -> None:
+        for name in ("parameters", "run_parameters"):
+            object.__setattr__(self, name, ParameterEstimates(getattr(self, name)))
+
     @property
     def laws(self) -> tuple[str, ...]:
         """Suspension law of every axle (of a group one, in the place of its first axle), front to rear."""
@@ -208,15 +197,16 @@ class FitResult(Tabular):
         KeyError
             If there is no such parameter; the nearest name is suggested.
         """
-        for p in (*self.parameters, *self.run_parameters):
+        estimates: tuple[ParameterEstimate, ...] = (*self.parameters, *self.run_parameters)
+        for p in estimates:
             if p.name == name:
                 return p
         raise KeyError(finish(f"the fit has no parameter '{shorten(name)}'; {nearest(name, self.names)}"))
 
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""
-        return records_table(self.parameters, _PARAMETER_COLUMNS)
+        return self.parameters.summary()
 
     def to_pandas(self) -> pd.DataFrame:
         """Global parameters and those of every run."""
-        return records_table((*self.parameters, *self.run_parameters), ("run", "law", *_PARAMETER_COLUMNS))
+        return ParameterEstimates((*self.parameters, *self.run_parameters)).to_pandas()

@@ -3,6 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from sysid.tabular import Tabular, records_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_COLUMNS = (
+    "name",
+    "axle",
+    "quantity",
+    "load_case",
+    "unit",
+    "value",
+    "sd",
+    "start",
+    "prior_median",
+    "prior_sd",
+    "identified",
+)
 
 
 @dataclass(frozen=True)
@@ -29,3 +49,17 @@ class ParameterEstimate:
     prior_median: float
     prior_sd: float
     identified: bool
+
+
+class ParameterEstimates(tuple[ParameterEstimate, ...], Tabular):
+    """Estimates one behind the other, which show themselves as a table."""
+
+    __slots__ = ()
+
+    def summary(self) -> pd.DataFrame:
+        """One row per parameter, in SI units."""
+        return records_table(self, _COLUMNS)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The same with the run and the law of each."""
+        return records_table(self, ("run", "law", *_COLUMNS))
