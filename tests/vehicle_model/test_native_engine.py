@@ -384,3 +384,16 @@ def test_a_set_that_is_not_finite_spoils_no_other(monkeypatch):
     finite = np.isfinite(found).all(axis=(0, 1, 2))
     np.testing.assert_array_equal(finite, ~np.isin(np.arange(SETS), (4, 6)))
     np.testing.assert_array_equal(found[..., finite], good[..., finite])
+
+
+@needs_native
+def test_small_numbers_of_the_caller_stay(monkeypatch):
+    """Inside the engine numbers too small to be normal count as zero; in the thread that calls it they do not."""
+    monkeypatch.setenv("SYSID_ENGINE", "native")
+    case = truck(footprint=False, samples=20, sets=1)
+    wheels = engine.wheel_road(case.stacked, case.road, case.axle_x, case.motion, case.timing)
+    laws = jax.tree.map(np.asarray, case.suspension), case.tire._replace(growth=1.0)
+    wheels.engine.histories(case.stacked, *laws, wheels, case.timing)
+    # By its bits: where such numbers count as zero they are equal to it.
+    smallest = np.array([1]).view(float)
+    assert np.multiply(smallest, 4.0).view(int)[0] == 4

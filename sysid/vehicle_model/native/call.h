@@ -319,6 +319,7 @@ void share(int64_t count, Task&& task) {
   std::atomic<int64_t> next{0};
   std::atomic<bool> exhausted{false};
   const auto work = [&] {
+    [[maybe_unused]] const NoSubnormals held;
     try {
       for (int64_t k = next++; k < count; k = next++) task(k);
     } catch (const std::bad_alloc&) {

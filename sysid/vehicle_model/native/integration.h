@@ -125,7 +125,8 @@ template <class V, class M, int NB>
 class Step {
  public:
   Step(const Run<M>& run, const Laws<V>& laws, const Channels& channels, double h)
-      : run_(run), laws_(laws), channels_(channels), h_(h), half_(0.5 * h), stage_(4), trial_(1) {}
+      : run_(run), laws_(laws), channels_(channels), h_(h), half_(0.5 * h), stage_(4), trial_(1),
+        bushing_(run.elements.damper_bushing ? run.axles : 0) {}
 
   // The first stage: forces at the start, where wheels rest in the lanes `resting`.
   void begin(const PointFor<M>* road, double time, const State<V, NB>& at, const Where<M>& resting) {
@@ -140,8 +141,11 @@ class Step {
     const double h = h_, half = half_;
     Forces<V, NB>&first = stage_[0], &second = stage_[1], &third = stage_[2], &fourth = stage_[3];
     State<V, NB>& trial = trial_[0];
-    const StageOfStep<V> at_middle{half, first.extension, first.rate, nullptr, nullptr},
-        at_end{h, first.extension, first.rate, second.rate, third.rate};
+    const StageOfStep<V> at_middle{half, false, bushing_.data(), first.extension, first.rate, nullptr, nullptr},
+        at_end{h, true, bushing_.data(), first.extension, first.rate, second.rate, third.rate};
+    if (run_.elements.damper_bushing)
+      for (int i = 0; i < na; ++i)
+        begin_bushing(run_.elements, laws_.suspension[i], at.inner.damper_rate[i], half, h, bushing_[i]);
     plus(NB, at.body, half, at.body_rate, trial.body);
     plus(NB, at.body_rate, half, first.body, trial.body_rate);
     plus(na, at.axle, half, at.axle_rate, trial.axle);
@@ -180,17 +184,19 @@ class Step {
     V extension[kMaxAxles], rate[kMaxAxles];
     above_axles<NB>(run_.position, na, at.body, at.axle, extension);
     above_axles<NB>(run_.position, na, at.body_rate, at.axle_rate, rate);
-    for (int i = 0; i < na; ++i) {
-      const SuspensionLaw<V>& law = laws_.suspension[i];
-      const V &e0 = first.extension[i], &v0 = first.rate[i];
-      if (run_.elements.friction)
-        at.inner.slip[i] = slip_after_step(run_.elements, law, at.inner.slip[i], e0, v0, extension[i], rate[i], h);
-      if (!run_.elements.damper_bushing) continue;
-      // The rate's parabola through both ends whose mean is that of the step.
-      const V bend = 3.0 * (v0 + rate[i]) - (6.0 / h) * (extension[i] - e0);
-      at.inner.damper_rate[i] =
-          followed(run_.elements, law, at.inner.damper_rate[i], v0, rate[i] - v0 - bend, bend, h);
-    }
+    if (run_.elements.friction)
+      for (int i = 0; i < na; ++i)
+        at.inner.slip[i] = slip_after_step(run_.elements, laws_.suspension[i], at.inner.slip[i], first.extension[i],
+                                           first.rate[i], extension[i], rate[i], h);
+    if (!run_.elements.damper_bushing) return;
+    V followed[kMaxAxles];
+    follow(run_.elements, na, laws_.suspension, bushing_.data(), true, at.inner.damper_rate, first.rate, h, followed,
+           [&](int i, V& linear, V& bend) {
+             // The rate's parabola through both ends whose mean is that of the step.
+             bend = 3.0 * (first.rate[i] + rate[i]) - (6.0 / h) * (extension[i] - first.extension[i]);
+             linear = rate[i] - first.rate[i] - bend;
+           });
+    for (int i = 0; i < na; ++i) at.inner.damper_rate[i] = followed[i];
   }
 
   // Forces at the start, known after `begin`.
@@ -233,6 +239,7 @@ class Step {
   double h_, half_;
   std::vector<Forces<V, NB>> stage_;
   std::vector<State<V, NB>> trial_;
+  std::vector<BushingStart<V>> bushing_;
   Missed<V, NB> missed_;
 };
 

@@ -114,33 +114,67 @@ inline V damper_slope(const Elements& has, const SuspensionLaw<V>& law, const V&
   return slope;
 }
 
+// e^(-1 / lag): what is left of a difference after a time over which a damper in bushings lags by `lag`.
+template <class V>
+inline V left_after(const V& lag) {
+  const V shortest = constant_row<V>(1.0 / kLongest - Scalar<V>{});
+  return exponential(-reciprocal(select(value(lag) > 1.0 / kLongest, lag, shortest)));
+}
+
 // u(1) of lag u' = v + linear s + bend s^2 - u from u(0): the part that follows v, and its remainder.
 template <class V>
-inline V relaxed(const V& lag, const V& u, const V& v, const V& linear, const V& bend) {
-  const V shortest = constant_row<V>(1.0 / kLongest - Scalar<V>{});
-  const V left = exponential(-reciprocal(select(value(lag) > 1.0 / kLongest, lag, shortest)));
+inline V relaxed(const V& lag, const V& left, const V& u, const V& v, const V& linear, const V& bend) {
   const V curved = lag * (2.0 * bend);
   const V started = v - lag * (linear - curved);
   return v + linear + bend - lag * (linear + 2.0 * bend - curved) + (u - started) * left;
 }
 
-// Rate of a damper in bushings after `tau` along the suspension's rate v + linear s + bend s^2, s from 0 to 1: with the
-// slope of its curve where the step begins, and then with the chord from there to where that leads. The force changes by
-// the chord times the change of u; u is the rate on the curve at that force, by one step of Newton.
+// What the stages of a step have in common for a damper in bushings: slope and force of its curve where the step begins,
+// and its lag over half the step and over all of it.
 template <class V>
-inline V followed(const Elements& has, const SuspensionLaw<V>& law, const V& u, const V& v, const V& linear,
-                  const V& bend, double tau) {
-  const V steep = damper_slope(has, law, u), per_slope = (1.0 / tau) * law.compliance;
-  const V first = relaxed(per_slope * steep, u, v, linear, bend);
-  if (!has.saturating && !has.asymmetric && has.rate_ramps == 0) return first;
-  const V change = first - u, one = constant_row<V>(Scalar<V>{} + 1.0);
-  const auto moves = absolute(value(change)) > kSmallChange;
-  const V there = damper_force(has, law, first, symmetric_damper(has, law, first));
-  const V here = damper_force(has, law, u, symmetric_damper(has, law, u));
-  const V slope = select(moves, (there - here) / select(moves, change, one), steep);
-  const V second = relaxed(per_slope * slope, u, v, linear, bend);
-  const V missed = here + slope * (second - u) - damper_force(has, law, second, symmetric_damper(has, law, second));
-  return second + missed / damper_slope(has, law, second);
+struct BushingStart {
+  V steep, here, lag[2], left[2];
+};
+
+template <class V>
+inline void begin_bushing(const Elements& has, const SuspensionLaw<V>& law, const V& u, double half, double whole,
+                          BushingStart<V>& start) {
+  start.steep = damper_slope(has, law, u);
+  start.here = damper_force(has, law, u, symmetric_damper(has, law, u));
+  for (int k = 0; k < 2; ++k) {
+    start.lag[k] = (1.0 / (k == 0 ? half : whole)) * law.compliance * start.steep;
+    start.left[k] = left_after(start.lag[k]);
+  }
+}
+
+// Rates of n dampers in bushings after `tau`, half a step or a `whole` one, along the suspension's rates v + linear s +
+// bend s^2, s from 0 to 1, of which path(axle, linear, bend) tells the coefficients: with the slope of their curve where
+// the step begins, and then with the chord from there to where that leads. The force changes by the chord times the change
+// of u; u is the rate on the curve at that force, by one step of Newton.  Every operation is done for all axles before the
+// next one: processors overlap them, while those of one axle wait for each other.
+template <class V, class Path>
+inline void follow(const Elements& has, int n, const std::vector<SuspensionLaw<V>>& law, const BushingStart<V>* start,
+                   bool whole, const V* u, const V* v, double tau, V* found, Path&& path) {
+  const V one = constant_row<V>(Scalar<V>{} + 1.0);
+  V linear[kMaxAxles], bend[kMaxAxles], slope[kMaxAxles], left[kMaxAxles];
+  for (int i = 0; i < n; ++i) path(i, linear[i], bend[i]);
+  for (int i = 0; i < n; ++i)
+    found[i] = relaxed(start[i].lag[whole], start[i].left[whole], u[i], v[i], linear[i], bend[i]);
+  if (!has.saturating && !has.asymmetric && has.rate_ramps == 0) return;
+  for (int i = 0; i < n; ++i) {
+    const V change = found[i] - u[i];
+    const auto moves = absolute(value(change)) > kSmallChange;
+    const V there = damper_force(has, law[i], found[i], symmetric_damper(has, law[i], found[i]));
+    slope[i] = select(moves, (there - start[i].here) / select(moves, change, one), start[i].steep);
+  }
+  for (int i = 0; i < n; ++i) left[i] = left_after((1.0 / tau) * law[i].compliance * slope[i]);
+  for (int i = 0; i < n; ++i)
+    found[i] = relaxed((1.0 / tau) * law[i].compliance * slope[i], left[i], u[i], v[i], linear[i], bend[i]);
+  for (int i = 0; i < n; ++i) {
+    const V missed = start[i].here + slope[i] * (found[i] - u[i]) -
+                     damper_force(has, law[i], found[i], symmetric_damper(has, law[i], found[i]));
+    found[i] += missed / damper_slope(has, law[i], found[i]);
+  }
 }
 
 // w(e, v) of leaf packs: friction that they reach in the end, over that at rest.

@@ -145,26 +145,27 @@ inline void transform(const M* matrix, int n, const V* x, V* y) {
 
 // ------------------------------------------------------------------------------------------------------------- contact
 
-template <class V>
-inline V force_on_flat(const TireLaw<V>& law, const V& rise, const V& rise_rate, double growth) {
-  return tire_force(law.static_deflection - rise, -rise_rate, law.inverse_reference, law.exponent, law.damping,
-                    law.reference_load, growth);
-}
-
 // Unclipped vertical force of every tire and, where the road is not flat, H/V.
 template <class V, class M>
 void contacts(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, double, const Wheels<V>& wheel,
               V* unclipped, V* drag) {
+  V deflection[kMaxAxles], rate[kMaxAxles];
   for (int i = 0; i < run.axles; ++i) {
     const TireLaw<V>& law = laws.tire[i];
     if (road[i].flat) {
-      unclipped[i] = force_on_flat(law, wheel.rise[i], wheel.rise_rate[i], run.growth);
+      deflection[i] = law.static_deflection - wheel.rise[i];
+      rate[i] = -wheel.rise_rate[i];
       continue;
     }
     const Squash<V> now = squash(road_rows(road[i]), law.static_deflection, wheel.advance[i], wheel.speed[i],
                                  wheel.rise[i], wheel.rise_rate[i]);
     drag[i] = now.drag;
-    unclipped[i] = tire_force(now.deflection, now.rate, law.inverse_reference, law.exponent, law.damping,
+    deflection[i] = now.deflection;
+    rate[i] = now.rate;
+  }
+  for (int i = 0; i < run.axles; ++i) {
+    const TireLaw<V>& law = laws.tire[i];
+    unclipped[i] = tire_force(deflection[i], rate[i], law.inverse_reference, law.exponent, law.damping,
                               law.reference_load, run.growth);
   }
 }
@@ -282,6 +283,8 @@ inline void share(const Run<M>& run, const Laws<V>& laws, V* force) {
 template <class V>
 struct StageOfStep {
   double tau;
+  bool whole;  // at the end of the step
+  const BushingStart<V>* bushing;
   const V *extension, *rate, *second, *third;
   V bend(int i, const V& now) const {
     return second == nullptr ? V{} : 2.0 * (rate[i] + now - second[i] - third[i]);
@@ -356,21 +359,26 @@ void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, dou
                                                   stage->rate[i], stage->tau, out.extension[i], out.rate[i]);
   }
   if (run.elements.equaliser) share(run, laws, out.pull);
+  if (run.elements.damper_bushing && stage == nullptr)
+    for (int i = 0; i < na; ++i) out.damper_rate[i] = inner.damper_rate[i];
+  if (run.elements.damper_bushing && stage != nullptr)
+    follow(run.elements, na, laws.suspension, stage->bushing, stage->whole, inner.damper_rate, stage->rate, stage->tau,
+           out.damper_rate, [&](int i, V& linear, V& bend) {
+             bend = stage->bend(i, out.rate[i]);
+             linear = out.rate[i] - stage->rate[i] - bend;
+           });
+  for (int i = 0; i < na; ++i) {
+    const SuspensionLaw<V>& law = laws.suspension[i];
+    if (linear) {
+      out.pull[i] += law.damping * out.rate[i];
+      continue;
+    }
+    out.damper[i] = add_damper(run.elements, law, out.of_damper(run.elements, i), out.pull[i]);
+    if (run.elements.stops > 0) out.pull[i] += ramp_force(law.stops, out.extension[i]);
+  }
   for (int i = 0; i < na; ++i) {
     const SuspensionLaw<V>& law = laws.suspension[i];
     V pull = out.pull[i];
-    if (linear) {
-      pull += law.damping * out.rate[i];
-    } else {
-      if (run.elements.damper_bushing && stage == nullptr) out.damper_rate[i] = inner.damper_rate[i];
-      if (run.elements.damper_bushing && stage != nullptr) {
-        const V bend = stage->bend(i, out.rate[i]), linear = out.rate[i] - stage->rate[i] - bend;
-        out.damper_rate[i] =
-            followed(run.elements, law, inner.damper_rate[i], stage->rate[i], linear, bend, stage->tau);
-      }
-      out.damper[i] = add_damper(run.elements, law, out.of_damper(run.elements, i), pull);
-      if (run.elements.stops > 0) pull += ramp_force(law.stops, out.extension[i]);
-    }
     if (beams) pull = run.beams.carries[i] * pull;
     const V vertical = positive(out.unclipped[i]);
     out.pull[i] = pull;
