@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from scipy.signal import lfilter
 
 from sysid.arrays import SamplesByAxlesBySets
@@ -55,8 +56,11 @@ class DeckMotion:
 
     def amplitudes(self, force_N: SamplesByAxlesBySets) -> np.ndarray:
         """Amplitudes q (T, n, S) [m] under forces (T, na, S) [N], from rest."""
-        before = np.concatenate([np.zeros_like(force_N[:1]), force_N[:-2]])
-        push = np.matmul(self.weight, np.concatenate([before, force_N[:-1], force_N[1:]], axis=1))
+        count, axles, sets = force_N.shape
+        after_none = np.zeros((count + 1, axles, sets))
+        after_none[1:] = force_N
+        # The forces of three successive samples lie one behind the other.
+        push = np.matmul(self.weight, as_strided(after_none, (count - 1, 3 * axles, sets), after_none.strides))
         found = np.zeros((len(force_N), self.decay.size, force_N.shape[2]))
         for n, decay in enumerate(self.decay):
             found[1:, n] = lfilter([1.0], [1.0, -2.0 * decay.real, abs(decay) ** 2], push[:, n], axis=0)
@@ -178,8 +182,8 @@ def alike(motion: DeckMotion, forces: Forces, found: Coupled) -> Alike:
 class EffectTimes(NamedTuple):
     """Instants at which load effects are looked at: the samples, and both sides of an axle at a section.
 
-    `sample` (m,) is the sample before each instant and `share` (m,) how far it is on the way to the next; `lines` (E,
-    m, na) are the influence lines under the axles.
+    `sample` (m,) is the sample before each instant and `share` (m,) how far it is on the way to the next; `lines` (m,
+    E, na) are the influence lines under the axles.
     """
 
     sample: np.ndarray
@@ -188,9 +192,11 @@ class EffectTimes(NamedTuple):
 
     def between(self, history: np.ndarray) -> np.ndarray:
         """A history (T, ...) at these instants, straight between samples."""
-        share = self.share.reshape((-1,) + (1,) * (history.ndim - 1))
-        after = np.minimum(self.sample + 1, len(history) - 1)
-        return np.asarray((1.0 - share) * history[self.sample] + share * history[after])
+        found: np.ndarray = history[self.sample]
+        between = np.flatnonzero(self.share)
+        share = self.share[between].reshape((-1,) + (1,) * (history.ndim - 1))
+        found[between] = (1.0 - share) * found[between] + share * history[self.sample[between] + 1]
+        return found
 
 
 def effect_times(bridge: Bridge, crossing: Crossing) -> EffectTimes:
@@ -209,13 +215,16 @@ def effect_times(bridge: Bridge, crossing: Crossing) -> EffectTimes:
     sample = np.minimum(instant.astype(int), len(place) - 2)
     times = EffectTimes(sample, instant - sample, np.empty(0))
     there = times.between(place)
-    return times._replace(lines=np.stack([line.curve.at(there) for line in bridge.lines]))
+    return times._replace(lines=np.stack([line.curve.at(there) for line in bridge.lines], axis=1))
 
 
 def static_effects(times: EffectTimes, force_N: SamplesByAxlesBySets) -> np.ndarray:
-    """Load effects (E, m, S) of forces along the influence lines: (T, na, S), or (1, na, S) of constant ones [N]."""
-    force = force_N if len(force_N) == 1 else times.between(force_N)
-    return np.moveaxis(np.matmul(np.moveaxis(times.lines, 0, 1), force), 1, 0)
+    """Load effects (E, m, S) of forces along the influence lines: (T, na, S), or (1, na, S) of constant ones [N].
+
+    Effects of one instant lie together in memory.
+    """
+    force = force_N[0] if len(force_N) == 1 else times.between(force_N)
+    return np.moveaxis(np.matmul(times.lines, force), 1, 0)
 
 
 def dynamic_effects(times: EffectTimes, motion: DeckMotion, force_N: SamplesByAxlesBySets) -> np.ndarray:
@@ -224,4 +233,6 @@ def dynamic_effects(times: EffectTimes, motion: DeckMotion, force_N: SamplesByAx
     compliance = 1.0 / (modes.modal_mass_kg * modes.angular_frequency**2)
     at_rest = compliance[:, None] * np.matmul(np.swapaxes(motion.shape, 1, 2), force_N)
     beyond = times.between(motion.amplitudes(force_N) - at_rest)
-    return np.asarray(static_effects(times, force_N) + np.moveaxis(np.matmul(modes.effects, beyond), 1, 0))
+    effects = static_effects(times, force_N)
+    effects += np.moveaxis(np.matmul(modes.effects, beyond), 1, 0)
+    return effects

@@ -254,7 +254,6 @@ class _Draws:
     speed_m_s: float
 
     def __post_init__(self) -> None:
-        self.road = self.ground.road.for_all(len(self.group.sets))
         self.last: dict[int, Driven] = {}
 
     @property
@@ -264,16 +263,18 @@ class _Draws:
 
     def forces(self, deck_m: np.ndarray) -> np.ndarray:
         """Axle loads (T, na', t) [N] over deflections of the deck under all axles (T, na', t or 1) [m]."""
-        parts, count, speed = [], self.axle_x.size, self.speed_m_s
+        count, speed, draws = self.axle_x.size, self.speed_m_s, len(self.group.sets)
+        force = np.empty((len(deck_m), self.vehicles * count, draws))
         timing = Timing(self.ground.lead + len(deck_m), INTERVAL_S, self.ground.substeps)
         for number in range(self.vehicles):
             own = slice(number * count, (number + 1) * count)
-            deck = np.broadcast_to(deck_m[:, own], (len(deck_m), count, len(self.group.sets)))
-            road = _on_deck(self.road, deck, self.axles.place_m[0, own], speed, self.axles.interval_s)
+            road = _on_deck(self.ground.road, deck_m[:, own], self.axles.place_m[0, own], speed, self.axles.interval_s)
+            if len(road.rise) < draws:
+                road = road.for_all(draws)
             start_s = self.ground.lead * INTERVAL_S + number * self.behind_m / speed
             found = self.last[number] = self.group.driven(road, self.axle_x, speed, start_s, timing)
-            parts.append(found.tire_N[self.ground.lead :])
-        return np.concatenate(parts, axis=1)
+            force[:, own] = found.tire_N[self.ground.lead :]
+        return force
 
 
 def _crossed(
@@ -306,7 +307,8 @@ def _crossed(
     force = erring(force)
     dynamic = static_effects(times, force) if motion is None else dynamic_effects(times, motion, force)
     lead = draws.ground.lead
-    most = extremes(group.sunk_m(one.tire_N[lead:]), one.extension_m[lead:], force[:, :axles], INTERVAL_S)
+    sunk = group.sunk_m(one.tire_N[lead:].max(axis=0)[None])
+    most = extremes(sunk, one.extension_m[lead:], force[:, :axles], INTERVAL_S)
     effects = {"static": static_effects(times, static), "rolling": static_effects(times, erring(rolling))}
     effects["dynamic"] = dynamic
     front = times.between(crossing.place_m[:, 0])
@@ -323,7 +325,7 @@ def _crossed(
 def _on_deck(
     base: EffectiveRoad, deck_m: np.ndarray, start_m: np.ndarray, speed_m_s: float, interval_s: float
 ) -> EffectiveRoad:
-    """The road of every axle with the deck's deflection (T, na, t) [m] where the axle meets it, cubic between samples.
+    """The road of every axle with the deck's deflection (T, na, t or 1) [m] where it meets it, cubic between samples.
 
     `start_m` (na,) is where each axle is at the first sample.
     """

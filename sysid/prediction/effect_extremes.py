@@ -67,15 +67,15 @@ def effect_extremes(effects: Mapping[str, np.ndarray], front_m: np.ndarray, stor
     front_m : (m,) places of axle 1. stored : numbers of the instants whose values are kept.
     """
     dynamic = effects["dynamic"]
-    at = np.stack([dynamic.argmax(axis=1), dynamic.argmin(axis=1)])
-    # All effects at the instant of each extreme: (E of the extreme, E, t).
-    together = np.stack(
-        [np.stack([np.take_along_axis(dynamic, one[None, None], axis=1)[:, 0] for one in of_sense]) for of_sense in at]
-    )
+    most = {name: np.stack([e.max(axis=1), e.min(axis=1)]) for name, e in effects.items()}
+    # The first instant at the extreme: numbers would be copied for `argmax` along any axis but the last.
+    at = np.stack([(dynamic == extreme[:, None]).argmax(axis=1) for extreme in most["dynamic"]])
+    effect, draw = np.arange(dynamic.shape[0]), np.arange(dynamic.shape[2])
     return EffectExtremes(
-        {name: np.stack([e.max(axis=1), e.min(axis=1)]) for name, e in effects.items()},
+        most,
         front_m[at],
-        together,
+        # All effects at the instant of each extreme.
+        dynamic[effect[:, None], at[:, :, None], draw],
         effects["static"][:, stored],
         dynamic[:, stored].astype(np.float32),
     )
@@ -99,8 +99,11 @@ def bridge_loads(
     bridge = bridge_of(course.bridge)
     station = np.linspace(0.0, bridge.length_m, _STATIONS)
     instants = stored_instants(times)
-    history = quantiles(np.moveaxis(np.concatenate([f.dynamic for f in first], axis=-1), 0, 1))
-    low, middle, high = (None if q is None else np.asarray(q.T, float) for q in (history.q05, history.q50, history.q95))
+    static, dynamic = (
+        quantiles(np.moveaxis(np.concatenate([getattr(f, name) for f in first], axis=-1), 0, 1))
+        for name in ("static", "dynamic")
+    )
+    low, middle, high = (None if q is None else np.asarray(q.T, float) for q in (dynamic.q05, dynamic.q50, dynamic.q95))
     assert middle is not None
     return BridgeLoads(
         bridge=bridge.name,
@@ -114,7 +117,7 @@ def bridge_loads(
         influence=np.stack([line.curve.at(station) for line in bridge.lines]),
         effects=_load_effects(course.bridge, found),
         time_s=crossing.interval_s * (times.sample + times.share)[instants],
-        static=np.median(np.concatenate([f.static for f in first], axis=-1), axis=-1),
+        static=static.q50.T,
         history=Quantiles(low, middle, high),
         frequency_hz=np.zeros(0) if bridge.modes is None else bridge.modes.frequency_hz,
         rounds=rounds,

@@ -20,7 +20,14 @@ def quantiles(values: np.ndarray) -> Quantiles:
 
 
 def _quantiles_of(values: np.ndarray) -> np.ndarray:
-    return np.asarray(np.quantile(values, [0.05, 0.5, 0.95], axis=-1))
+    """The three quantiles (3, ...), straight between values in order: sorting takes a quarter of `numpy.quantile`."""
+    ordered = np.sort(values, axis=-1)
+    place = (values.shape[-1] - 1) * np.array([0.05, 0.5, 0.95])
+    before = place.astype(int)
+    low, high = (ordered[..., at].astype(float) for at in (before, np.minimum(before + 1, values.shape[-1] - 1)))
+    found = low + (place - before) * (high - low)
+    found[np.isnan(ordered[..., -1])] = np.nan
+    return np.moveaxis(found, -1, 0)
 
 
 def load_coefficient(force_N: SamplesByAxlesBySets, static_N: AxlesBySets, passing: SamplesByAxles) -> AxlesBySets:
@@ -59,7 +66,7 @@ def extremes(
     """
     return {
         "tire_deflection_m": tire_deflection_m.max(axis=0),
-        "jounce_m": (-extension_m).max(axis=0),
+        "jounce_m": -extension_m.min(axis=0),
         "rebound_m": extension_m.max(axis=0),
         "damper_speed_m_s": np.abs(np.gradient(extension_m, interval_s, axis=0)).max(axis=0),
         "lift_off_s": lift_off_time(tire_force_N, interval_s),

@@ -201,7 +201,7 @@ def with_contact_error(tire_N: np.ndarray, static_N: np.ndarray, error: np.ndarr
 
     Parameters
     ----------
-    tire_N : (T, n, na) F; static_N : (n, na) F_s [N]; error : (n, na) e.
+    tire_N : (T, n, na) F; static_N : (n, na) F_s [N]; error : (n, na) e.  Or axles before draws in all of them.
     """
     return np.asarray(np.where(tire_N > 0.0, np.maximum(static_N + (1.0 + error) * (tire_N - static_N), 0.0), 0.0))
 

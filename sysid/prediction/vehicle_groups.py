@@ -101,8 +101,7 @@ class VehicleGroup:
         """Tire forces (T, na, t) [N] with the contact error of every draw."""
         if self.contact_error is None:
             return tire_N
-        static = self.static_N.T
-        return np.moveaxis(with_contact_error(np.moveaxis(tire_N, 1, 2), static, self.contact_error), 1, 2)
+        return with_contact_error(tire_N, self.static_N, self.contact_error.T)
 
 
 def _turned(position: np.ndarray, wheel: np.ndarray) -> np.ndarray:

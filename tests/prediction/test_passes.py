@@ -18,7 +18,7 @@ from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.export.naming import prediction_files
 from sysid.prediction import predict_passes
-from sysid.prediction.measures import load_coefficient
+from sysid.prediction.measures import load_coefficient, quantiles
 from sysid.prediction.predict_passes import effective_roads, predict, predict_pass, speed_sweep
 from sysid.prediction.predicted_passes import PassPrediction
 from sysid.prediction.remarks import edges, remarks
@@ -363,3 +363,13 @@ def test_a_crawling_truck_comes_to_loads_that_no_longer_depend_on_the_speed(data
         peaks.append(found.peak_ratio_q50)
     np.testing.assert_allclose(peaks[0], peaks[1], rtol=0.004)
     np.testing.assert_allclose(peaks[1], peaks[2], rtol=0.025)
+
+
+@pytest.mark.parametrize(("draws", "kind"), [(2, float), (7, float), (200, float), (200, np.float32)])
+def test_quantiles_are_those_of_numpy(draws, kind):
+    values = np.random.default_rng(draws).lognormal(size=(5, 3, draws)).astype(kind)
+    values[1, 2, 0], values[3, 0] = np.nan, 1.5
+    found = quantiles(values)
+    expected = np.quantile(values.astype(float), [0.05, 0.5, 0.95], axis=-1)
+    assert np.isnan(expected).sum() == 3
+    np.testing.assert_allclose([found.q05, found.q50, found.q95], expected, rtol=1e-14)
