@@ -62,7 +62,8 @@ def extremes(
 
     Parameters
     ----------
-    tire_deflection_m, extension_m, tire_force_N : histories (T, axles, ...) [m, m, N], `interval_s` apart.
+    tire_deflection_m, extension_m, tire_force_N : histories (T, axles, ...) [m, m, N], `interval_s` apart; of the
+        deflection the largest alone will do.
     """
     return {
         "tire_deflection_m": tire_deflection_m.max(axis=0),

@@ -35,9 +35,7 @@ from sysid.prediction.road_measures import (
     measures,
 )
 from sysid.prediction.trust import DrivenRange
-from sysid.prediction.vehicle_draws import (
-    VehicleDraws,
-)
+from sysid.prediction.vehicle_draws import TOGETHER, VehicleDraws
 from sysid.prediction.vehicle_groups import (
     Driven,
     VehicleGroup,
@@ -66,6 +64,8 @@ _ROUNDS, _SETTLED_M, _JUDGED = 8, 2e-4, 3
 #: Loads over edges are said to be off where the root mean square error of their change is more than this, or that of a
 #: peak.
 _MOST_CHANGE, _MOST_PEAK = 0.05, 0.03
+#: Bytes of axle loads at a time: so many groups of draws are driven side by side.
+_MOST_BYTES = 3e8
 #: Draws behind the bands of the histories: those of all draws of a long road take much memory.
 BAND_DRAWS = 40
 
@@ -126,23 +126,27 @@ def predict_road(
             roads[k], misfit = _settled(state, request, groups[0], road, station, height.mean(axis=0), samples, clock)
             misfits.append(misfit)
     shift = x / speed / clock.interval_s
-    found: list[dict[str, np.ndarray]] = []
-    kept: list[dict[str, np.ndarray]] = []
-    drawn = 0
-    for number, group in enumerate(groups):
-        drives = []
+
+    def over_all(number: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray] | None, np.ndarray]:
+        group, drawn, drives = groups[number], sum(len(g.sets) for g in groups[:number]), []
         for k, road in enumerate(roads):
             progress(f"{course.label}", (number + k / len(roads)) / len(groups))
             drives.append(_driven_over(state, request, group, road, samples, clock, max(RANGE_DRAWS - drawn, 0)))
+        some = None
         if drawn < BAND_DRAWS:
-            kept.append(
-                _of_some(drives[0], on_road, shift, course.length_m, speed * clock.interval_s, BAND_DRAWS - drawn)
-            )
-        drawn += len(group.sets)
-        found.append(measures(drives, on_road, shift, course.stress_exponent))
-        frequency, found[-1]["spectrum"] = load_spectra(drives, on_road, clock.interval_s)
+            some = _of_some(drives[0], on_road, shift, course.length_m, speed * clock.interval_s, BAND_DRAWS - drawn)
+        found = measures(drives, on_road, shift, course.stress_exponent)
+        frequency, found["spectrum"] = load_spectra(drives, on_road, clock.interval_s)
+        return found, some, frequency
+
+    # While the engine computes for some draws, the loads of others are summed up.
+    taken = 8 * samples * len(x) * TOGETHER * len(roads)
+    found, kept, frequencies = zip(
+        *side_by_side(over_all, range(len(groups)), max(1, int(_MOST_BYTES // taken))), strict=True
+    )
     measured, some = (
-        {name: np.concatenate([p[name] for p in parts], axis=-1) for name in parts[0]} for parts in (found, kept)
+        {name: np.concatenate([p[name] for p in parts if p is not None], axis=-1) for name in parts[0]}
+        for parts in (found, kept)
     )
     static = batch.matrices.static_load[0, :, 0]
     return pass_over_road(
@@ -156,7 +160,7 @@ def predict_road(
         stops if vehicles is None else vehicles.stops,
         [*said, *_said_of_edges(request, misfits)],
         load_coefficient=quantiles(measured["coefficient"]),
-        road=_loads(course, tracks, measured, some, frequency),
+        road=_loads(course, tracks, measured, some, frequencies[0]),
     )
 
 
@@ -202,7 +206,8 @@ def _driven_over(
         tire = group.erring(part.tire_N)
         forces[begin : begin + len(tire)] = tire[: samples - begin]
         suspension[begin : begin + len(tire)] = part.suspension_N[: samples - begin, :, : suspension.shape[2]]
-        return extremes(group.sunk_m(part.tire_N), part.extension_m, tire, clock.interval_s)
+        sunk = group.sunk_m(part.tire_N.max(axis=0)[None])
+        return extremes(sunk, part.extension_m, tire, clock.interval_s)
 
     found = _over_stretches(state, request, group, road, samples, clock, kept)
     together = {name: np.stack([f[name] for f in found]) for name in found[0]}
