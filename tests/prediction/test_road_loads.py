@@ -198,6 +198,21 @@ def test_draws_have_bands(state, driven):
     assert banded.tire_force_q95_N.shape == banded.tire_force_q50_N.shape
 
 
+def test_groups_of_draws_side_by_side_are_those_one_after_the_other(state, driven, monkeypatch):
+    """Measures are of all draws, bands of the first ones."""
+    values = state.point.log_parameters
+    sets = values + 0.05 * np.random.default_rng(3).normal(size=(45, values.size))
+    course = RoadCourse(20.0, "C", 5)
+    together = over(state, driven, course, sets)
+    monkeypatch.setattr(road_loads, "_MOST_BYTES", 1.0)
+    alone, first = over(state, driven, course, sets), over(state, driven, course, sets[: road_loads.BAND_DRAWS])
+    for name in ("tire_force_q95_N", "peak_ratio_q95"):
+        np.testing.assert_array_equal(getattr(together, name), getattr(alone, name))
+    np.testing.assert_array_equal(together.road.aggregate_N, alone.road.aggregate_N)
+    np.testing.assert_array_equal(together.tire_force_q95_N, first.tire_force_q95_N)
+    assert np.abs(together.peak_ratio_q95 / first.peak_ratio_q95 - 1.0).max() > 1e-6
+
+
 def test_a_road_that_takes_an_hour_is_refused(state, driven, monkeypatch):
     monkeypatch.setattr(limits, "ROAD_SECONDS", 20.0)
     with pytest.raises(CampaignError, match="choose a higher speed or a shorter road"):
