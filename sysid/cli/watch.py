@@ -102,7 +102,7 @@ def _page(day: TestDay, choices: WatchChoices, errors: Console) -> Iterator[Call
         now = None if now is None else replace(now, growing=day.growing)
         if now != known:
             known, last = now, (report.new if report is not None else ()) or last
-            server.show(day_part(known, last, day.vehicle, rule))
+            server.show(day_part(known, last, day.vehicle, rule, day.last_run))
 
     server.show(day_part(None, (), None, rule))
     server.start()

@@ -24,6 +24,7 @@ from sysid.watch.background import Background, Task
 from sysid.watch.checks import DayCheck, KnownScans, LogCheck, alike, check_day, check_log
 from sysid.watch.knowledge import known_axles, missing, next_tests, of_document, of_drops
 from sysid.watch.landing import Copies, FolderLook, GrowingFolder, Landing
+from sysid.watch.last_run import LastRun, last_run
 from sysid.watch.listing import Listing, bump_tables, listing, log_names, named_files, with_guesses
 from sysid.watch.records import Answer, DayReport, KnownAxle, LogVerdict, StopRule
 from sysid.wording import shorten
@@ -103,6 +104,7 @@ class TestDay:
         self._listing = Listing({}, ())
         self._growing_now: tuple[str, ...] = ()
         self._vehicle: Vehicle | None = None
+        self._shown: tuple[tuple[int, int], LastRun | None] | None = None
         self._remarks: list[str] = []
         self._changed = True
 
@@ -120,6 +122,19 @@ class TestDay:
     def vehicle(self) -> Vehicle | None:
         """The vehicle of the campaign file, None as long as something of it is to be filled in."""
         return self._vehicle
+
+    @property
+    def last_run(self) -> LastRun | None:
+        """The run that landed last of those in the preview, None before there is one; read when it has changed."""
+        preview = self.output / "preview"
+        try:
+            found = os.stat(preview / "result.json")
+        except OSError:
+            return None
+        stamp = (found.st_size, found.st_mtime_ns)
+        if self._shown is None or self._shown[0] != stamp:
+            self._shown = stamp, last_run(preview, list(self._copies.sha256))
+        return self._shown[1]
 
     def look(self) -> DayReport | None:
         """Look at the folder; None if there is nothing new to say.

@@ -147,6 +147,8 @@ class Copies:
             self._files[name] = _Copy(stamp.size, stamp.changed_ns, content.sha256)
             if known is not None and known.sha256 == content.sha256:
                 continue
+            # In the order in which they landed.
+            self._files[name] = self._files.pop(name)
             write_bytes(self.folder / name, content.data)
             read[name] = Landing(name, "new" if known is None else "replaced", remark=_set_back(stamp, before))
         # A file under a new name keeps its size and its time stamp: the old one goes when the new one is complete.

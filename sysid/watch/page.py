@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from sysid.report.skeleton import render_page, render_part
 from sysid.watch.knowledge import axle_states
+from sysid.watch.last_run import LastRun
 from sysid.watch.records import AxleState, DayReport, KnownValue, LogVerdict, StopRule
 from sysid.wording import shorten
 
@@ -54,13 +55,19 @@ def day_page() -> str:
     )
 
 
-def day_part(report: DayReport | None, last: Sequence[LogVerdict], vehicle: Vehicle | None, rule: StopRule) -> str:
+def day_part(
+    report: DayReport | None,
+    last: Sequence[LogVerdict],
+    vehicle: Vehicle | None,
+    rule: StopRule,
+    run: LastRun | None = None,
+) -> str:
     """What the page shows of a day.
 
     Parameters
     ----------
     report : None before the first one. last : the logs that landed last.
-    vehicle : to draw; None as long as it is not known.
+    vehicle : to draw; None as long as it is not known. run : to show; None before a fit.
     """
     if report is None:
         return render_part("day_part.html", {"report": None})
@@ -73,6 +80,7 @@ def day_part(report: DayReport | None, last: Sequence[LogVerdict], vehicle: Vehi
             "report": report,
             "headline": _headline(report),
             "truck": _truck(vehicle, states),
+            "run": None if run is None else _run(run),
             "rows": [
                 _Row(
                     row.axle,
@@ -132,3 +140,15 @@ def _truck(vehicle: Vehicle | None, states: dict[int, AxleState]) -> Markup | No
     axes = plot.truck(vehicle, [("", words)], hubs=[STATES[s][2] for s in found])
     text = "; ".join(f"axle {i + 1}: {STATES[s][1]}" for i, s in enumerate(found))
     return Markup(plot.svg_element(plot.figure_of(axes), "truck", f"The vehicle from the side. {text}."))
+
+
+def _run(run: LastRun) -> tuple[Markup, str]:
+    """Measured and simulated signal of a run, and what to see in it."""
+    from sysid import plot
+
+    axes = plot.overlay(run.history, run.column, plot.figure(4.2, 2.3).subplots(), show_bands=False)
+    words = (
+        f"{shorten(run.history.file, 60)}: the channel that the fit meets least, by {run.misfit:.2g} times the noise "
+        "before the bump."
+    )
+    return Markup(plot.svg_element(plot.figure_of(axes), "run", f"Measured and simulated: {words}")), words

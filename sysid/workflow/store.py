@@ -8,7 +8,9 @@ member, a member of another type, or any damage counts as missing.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, Union, get_args
 
@@ -54,6 +56,34 @@ def load(path: Path, fingerprint: str, hint: Any) -> Any | None:
     except Exception:
         # Not what was declared; a class may refuse members that do not fit each other in any way it likes.
         return None
+
+
+def load_part(path: Path, members: Sequence[str], hint: Any) -> Any | None:
+    """Read a member of a stored result, of whatever inputs it is; None if there is none or it is damaged.
+
+    Parameters
+    ----------
+    members : names on the way to it, from the result down. hint : its type.
+    """
+    content = array_file.read(path)
+    if content is None:
+        return None
+    try:
+        tree = content.fields["result"]
+        for name in members:
+            tree = tree["members"][name]
+        return _decoded(tree, hint, content.arrays)
+    except Exception:
+        return None
+
+
+def digest_of(value: Any) -> str:
+    """Hash of everything that a value holds, which is of the types that a stage result has."""
+    arrays: dict[str, np.ndarray] = {}
+    digest = hashlib.sha256(json.dumps(_encoded(value, arrays)).encode())
+    for array in arrays.values():
+        digest.update(f"{array.dtype.str}{array.shape}".encode() + np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
 
 
 def fingerprint_in(path: Path) -> str | None:

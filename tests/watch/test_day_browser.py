@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from small_results import small_campaign
-from test_day_page import DEAD, GOOD, REPORT, RULE
+from test_day_page import DEAD, GOOD, REPORT, RULE, RUN
 
 from sysid.watch.page import day_page, day_part
 from sysid.watch.server import PageServer
@@ -31,7 +31,7 @@ def seen() -> dict[str, Any]:
     vehicle = small_campaign().vehicle
     bad = replace(REPORT, logs=(GOOD, DEAD))
     server = PageServer(day_page)
-    server.show(day_part(bad, (GOOD, DEAD), vehicle, RULE))
+    server.show(day_part(bad, (GOOD, DEAD), vehicle, RULE, RUN))
     server.start()
     shots = [os.environ["SCREENSHOTS"]] if "SCREENSHOTS" in os.environ else []
     command = ["node", "check_day.mjs", server.address, *shots]

@@ -7,17 +7,22 @@ import re
 import socket
 import urllib.request
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from html.parser import HTMLParser
+from pathlib import Path
 
+import numpy as np
 import pytest
-from small_results import small_campaign
+from small_results import small_campaign, small_history
 
 from sysid.errors import OutputError
+from sysid.estimation.residuals.run_history import RunHistory
 from sysid.watch import DayReport, KnownAxle, KnownValue, LogVerdict, PlannedTest, StopRule
 from sysid.watch.knowledge import axle_states
+from sysid.watch.last_run import LastRun, last_run
 from sysid.watch.page import day_page, day_part
 from sysid.watch.server import PageServer
+from sysid.workflow import store
 
 RULE = StopRule(0.02, 0.05)
 GOOD = LogVerdict("a.csv", "run, empty, 16 km/h", "good")
@@ -36,6 +41,9 @@ REPORT = DayReport(
     known=(known(1, 0.015, 0.04), known(2, 0.015, 0.2, older=True), known(3, None, 0.04)),
     computing="", enough=False, missing=("c of axle 2 is known within 20 %; asked: 5 %.",), next_tests=("Next.",),
 )  # fmt: skip
+
+
+RUN = LastRun(small_history(), small_history().columns[0], 1.25)
 
 
 class _Words(HTMLParser):
@@ -102,6 +110,40 @@ def test_the_truck_says_in_words_what_its_colours_say() -> None:
     part = day_part(REPORT, (GOOD,), vehicle, RULE)
     assert "axle 1: known; axle 2: too wide" in part
     assert ("#7ddfb0" in part, "#ffc94d" in part) == (True, True)
+
+
+def test_the_last_run_is_measured_over_simulated() -> None:
+    part = day_part(REPORT, (GOOD,), None, RULE, RUN)
+    assert "Measured and simulated" in part
+    assert f"{RUN.history.file}: the channel that the fit meets least, by 1.2 times the noise" in part
+    assert "Measured and simulated" not in day_part(REPORT, (GOOD,), None, RULE)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    other: float
+    histories: tuple[RunHistory, ...]
+
+
+@dataclass(frozen=True)
+class _Kept:
+    fit: _Fit
+
+
+def test_the_run_that_landed_last_and_the_channel_with_most_residual_over_noise(tmp_path: Path) -> None:
+    """Residual scales of 2, 3 and 9 over noises of 1, 0 (unknown) and 3: the largest known ratio is 3."""
+    first, second = (replace(small_history(repeat=n), noise_sd=np.array([2.0, 3.0, 9.0])) for n in (1, 2))
+    noise = {"instrument_noise_sd": np.array([1.0, 0.0, 2.0]), "rolling_noise_sd": np.array([0.0, 0.0, 3.0])}
+    histories = (replace(first, **noise), replace(second, **noise))
+    (tmp_path / "stages").mkdir()
+    assert last_run(tmp_path, ()) is None
+    store.save(tmp_path / "stages" / "fit.npz", _Kept(_Fit(1.0, histories)), "x", _Kept)
+    for landed, file in (((first.file, second.file), second.file), ((second.file, "drop.csv", first.file), first.file)):
+        found = last_run(tmp_path, landed)
+        assert found is not None
+        assert (found.history.file, found.column, found.misfit) == (file, first.columns[2], 3.0)
+    (tmp_path / "stages" / "fit.npz").write_bytes(b"damaged")
+    assert last_run(tmp_path, ()) is None
 
 
 @pytest.fixture
