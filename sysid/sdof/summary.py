@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 
 import numpy as np
@@ -29,8 +29,25 @@ _NO_DEFLECTION = (
 METHODS: tuple[DropMethod, ...] = ("paper", "corrected", "free_decay")
 
 
+#: What the analysis of one drop is made of.
+OfDrop = tuple[PlankDrop, Vehicle, LoadCase, DropSettings]
+
+
+def analysed(drops: Sequence[OfDrop], done: Callable[[float], None]) -> tuple[DropAnalysis, ...]:
+    """Analyses of drops by `analyse_drop`, each by itself.
+
+    Parameters
+    ----------
+    done : callback (share of them that is done).
+    """
+    return shared_with_helper(_analysed, drops, done)
+
+
 def analyse_drops(
-    campaign: Campaign, settings: DropSettings | None = None, progress: Progress = unwatched
+    campaign: Campaign,
+    settings: DropSettings | None = None,
+    progress: Progress = unwatched,
+    read: Callable[[Sequence[OfDrop], Callable[[float], None]], tuple[DropAnalysis, ...]] = analysed,
 ) -> DropSummary:
     """Analyse every plank drop of a campaign and pool the repeats.
 
@@ -47,6 +64,8 @@ def analyse_drops(
         Defaults of `DropSettings`.
     progress
         Callback (message, fraction done).
+    read
+        As `analysed`; another one may know some of the analyses already.
 
     Returns
     -------
@@ -63,7 +82,7 @@ def analyse_drops(
     drops = [d for d in campaign.plank_drops if _shows_deflection(d)]
     work = [(d, vehicle, campaign.load_cases[d.load_case], settings) for d in drops]
     progress("readings of the drops", 0.0)
-    files = shared_with_helper(_analysed, work, lambda share: progress("readings of the drops", share))
+    files = read(work, lambda share: progress("readings of the drops", share))
     with_dampers = [a for a, d in zip(files, drops, strict=True) if d.dampers]
     pooled = []
     for axle, load_case in sorted({(a.axle, a.load_case) for a in with_dampers}, key=lambda key: (key[1], key[0])):
@@ -77,7 +96,7 @@ def analyse_drops(
     return DropSummary(files=files, pooled=tuple(pooled), messages=(*messages, *say_once(unseen)))
 
 
-def _analysed(of_drop: tuple[PlankDrop, Vehicle, LoadCase, DropSettings]) -> DropAnalysis:
+def _analysed(of_drop: OfDrop) -> DropAnalysis:
     return analyse_drop(*of_drop)
 
 

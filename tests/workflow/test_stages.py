@@ -202,7 +202,7 @@ def test_the_engine_is_compiled_ahead_once_and_only_for_stages_that_simulate(stu
     assert begun == [True]
     again = stubbed()
     again._folder.forget((DROPS, FIT))
-    monkeypatch.setattr("sysid.sdof.summary.analyse_drops", lambda campaign, progress: small_results().drops)
+    monkeypatch.setattr("sysid.sdof.summary.analyse_drops", lambda campaign, **rest: small_results().drops)
     monkeypatch.setattr("sysid.estimation.fit.drop_model.with_model_estimates", lambda campaign, drops, *rest: drops)
     monkeypatch.setattr("sysid.estimation.fit.drop_coupling.with_cautions", lambda campaign, drops: drops)
     again.drops()
