@@ -66,7 +66,10 @@ def _status(results: Results, settings: Settings) -> Status:
 
 def _general_warnings(results: Results, settings: Settings) -> list[str]:
     if settings.quick:
-        return ["Preview: few iterations and a short chain; run without --quick before using any number."]
+        return [
+            "Preview: few iterations and a short chain, suspension laws that were not tried against simpler ones, "
+            "drops beside bump runs not fitted by the full model; run without --quick before using any number."
+        ]
     if results.posterior is None:
         return ["The posterior has not been sampled: there are no credible intervals yet."]
     return []

@@ -102,7 +102,12 @@ def make_settings(
     if quick:
         settings = Settings(
             fit=FitOptions(
-                weight_rounds=1, second_solver=False, tolerance=1e-5, max_iterations=20, target_step_s=0.0025
+                weight_rounds=1,
+                second_solver=False,
+                tolerance=1e-5,
+                max_iterations=20,
+                target_step_s=0.0025,
+                preview=True,
             ),
             sampling=SamplingOptions(segment_steps=10, min_steps=10, max_steps=10, seed=seed, preview=True),
             quick=True,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from synthetic_campaign import Physics, write_campaign
 
 from sysid.campaign import check_quality, read_campaign
+from sysid.campaign.records import BumpRun, Campaign
 from sysid.estimation.fit import law_choice, law_comparison
 from sysid.estimation.fit.law_choice import fit_with_laws
 from sysid.estimation.fit.law_evidence import Evidence, Judged, LawEvidence
@@ -101,6 +103,39 @@ def test_poor_laws_are_compared_under_the_maps_of_the_rich_ones(monkeypatch, con
     assert comparison.trials[1] == pytest.approx(20.0 - np.log(100.0))
     # The base stands on its own, unless it ended early.
     assert best is (rich if converged else final)
+
+
+def test_a_preview_makes_no_fit_without_an_element(monkeypatch):
+    """Laws are added as long as more are promised; the last of these fits is the result."""
+    asked, laws = [], ((frozenset(),), (frozenset({"friction"}),), (frozenset({"friction", "gas_spring"}),))
+    promises = [(frozenset({"friction"}),), (frozenset({"gas_spring"}),), ()]
+    found = {laws[1]: stub(60.0, 5), laws[2]: stub(50.0, 6)}
+
+    def fitted(laws, near, plan=before_joint):
+        asked.append((laws, plan))
+        return found[laws]
+
+    monkeypatch.setattr(law_comparison, "promising", lambda *rest: promises.pop(0))
+    best, comparison = law_comparison.compare_laws(None, laws[0], laws[2], stub(500.0, 4), fitted, preview=True)
+    assert asked == [(laws[1], first_sight), (laws[2], first_sight)]
+    assert best is found[laws[2]]
+    assert (comparison.untried, comparison.undecided) == (True, ())
+    assert np.isnan(comparison.trials[0].gain)
+
+
+def test_a_preview_chooses_laws_by_one_run_of_each_kind():
+    """Of repeats the first with most channels; another load case, bump or speed is another kind."""
+
+    def run(name, load_case, bump, speed, channels):
+        log = SimpleNamespace(file=name, channels=(None,) * channels)
+        return BumpRun("", load_case, speed, 1, log, bump)
+
+    runs = (
+        run("poor", "empty", "a", 5.0, 3), run("rich", "empty", "a", 5.0, 4), run("again", "empty", "a", 5.0, 4),
+        run("faster", "empty", "a", 6.0, 1), run("laden", "full", "a", 5.0, 1), run("other", "empty", "b", 5.0, 1),
+    )  # fmt: skip
+    campaign = Campaign("", "", Path(), Path(), None, {}, None, (), runs, {}, (), {})
+    assert [r.log.file for r in law_choice.one_of_each(campaign).bump_runs] == ["rich", "faster", "laden", "other"]
 
 
 def known_forces(values: list[float], sd: float, spread: np.ndarray) -> Judged:
@@ -239,7 +274,7 @@ def test_laws_are_compared_where_they_may_explain_something(misfit, share, how, 
     """`share` of the sum of squares, 2 x 500, is what the best family is expected to explain."""
     poor, rich = (frozenset(),), (frozenset({"friction"}),)
     monkeypatch.setattr(law_choice, "largest_gain", lambda campaign, laws, rich_laws, optimum: 1000.0 * share)
-    monkeypatch.setattr(law_choice, "compare_laws", lambda *rest: ("compared", None))
+    monkeypatch.setattr(law_choice, "compare_laws", lambda *rest, preview: ("compared", None))
     monkeypatch.setattr(law_choice, "declared_laws", lambda campaign: poor)
     monkeypatch.setattr(law_choice, "richest_laws", lambda axles, declared: rich)
     monkeypatch.setattr(law_choice._Choice, "fitted", lambda self, laws, near: "linear")

@@ -36,6 +36,7 @@ STALE: dict[str, set[str]] = {
     "fit.laws": ON_FIT,
     "fit.contact": ON_FIT,
     "fit.contact_spread": ON_FIT,
+    "fit.preview": ON_DROPS,
     "sampling.ensembles": ON_SAMPLE,
     "sampling.walkers_per_parameter": ON_SAMPLE,
     "sampling.segment_steps": ON_SAMPLE,

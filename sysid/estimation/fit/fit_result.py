@@ -70,11 +70,15 @@ class UndecidedLaw:
 
 @dataclass(frozen=True)
 class LawComparison(Tabular):
-    """Trials of suspension laws and the one that was `chosen`, by axle; `undecided` elements widen the intervals."""
+    """Trials of suspension laws and the one that was `chosen`, by axle; `undecided` elements widen the intervals.
+
+    `untried`: whether elements were added by their expected gain alone, without a trial.
+    """
 
     trials: tuple[LawTrial, ...]
     chosen: tuple[str, ...]
     undecided: tuple[UndecidedLaw, ...] = ()
+    untried: bool = False
 
     def summary(self) -> pd.DataFrame:
         """One row per trial."""

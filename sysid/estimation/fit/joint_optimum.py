@@ -47,6 +47,8 @@ from sysid.road.road_profile import RoadProfile
 #: number of rounds.
 NEAR_SD = 0.1
 ROUNDS = 12
+#: The same for a preview, where only the first round weighs residuals again, and travels of stops are scanned once.
+PREVIEW_NEAR_SD, PREVIEW_ROUNDS = 0.3, 3
 #: Beyond this many standard deviations, the last round has not settled.
 SETTLED_SD = 1.0
 #: Rounds in which residuals get new weights. Later the weights stay, because they can go back and forth with the
@@ -105,14 +107,18 @@ def joint_optimum(
     optimum : of the parameters, with masses and contact as declared; its steps may be larger than those of `options`.
     profiles, options, report : as :func:`sysid.estimation.fit.least_squares.optimise`.
     """
+    scans: tuple[int, ...] = (0, REWEIGHTED)
+    near_sd, rounds, weighed = NEAR_SD, ROUNDS, REWEIGHTED
+    if options.preview:
+        near_sd, rounds, weighed, scans = PREVIEW_NEAR_SD, PREVIEW_ROUNDS, 1, (0,)
     rough = options.phase(weight_rounds=0, tolerance=_ROUGH_TOLERANCE, larger_steps=True)
     reweighted, final = replace(rough, weight_rounds=min(options.weight_rounds, 1)), options.phase(weight_rounds=0)
-    final = replace(final, max_iterations=_LONGER * final.max_iterations)
+    if not options.preview:
+        final = replace(final, max_iterations=_LONGER * final.max_iterations)
     optimum = _with_frame_shapes(campaign, optimum, profiles, options, reweighted, report)
     before: _Step | None = None
-    weighed = REWEIGHTED
-    for number in range(ROUNDS):
-        if number in (0, REWEIGHTED):
+    for number in range(rounds):
+        if number in scans:
             touched = with_touched_stops(campaign, optimum, rough, report)
             weighed = max(weighed, number + 1) if touched is not optimum else weighed
             optimum = touched
@@ -121,8 +127,8 @@ def joint_optimum(
         step = _step(campaign, optimum, allowances)
         step = step if before is None else step.damped(before)
         before = step
-        near = number >= weighed and step.largest < NEAR_SD
-        last = near or number == ROUNDS - 1
+        near = number >= weighed and step.largest < near_sd
+        last = near or number == rounds - 1
         phase = final if last else (reweighted if number < weighed else rough)
         moved = _improved(campaign, optimum, step, profiles, options, phase, report, worse=WORSE)
         if moved is None:

@@ -7,7 +7,7 @@ searched for (:mod:`sysid.estimation.fit.part_search`). Then richer laws are com
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -21,7 +21,7 @@ from sysid.estimation.fit.joint_optimum import joint_optimum
 from sysid.estimation.fit.law_comparison import compare_laws
 from sysid.estimation.fit.law_screen import largest_gain
 from sysid.estimation.fit.least_squares import optimise
-from sysid.estimation.fit.likely_mistake import likely_mistake
+from sysid.estimation.fit.likely_mistake import leaves_more_than_noise, likely_mistake
 from sysid.estimation.fit.optimum import Optimum, worth_a_search
 from sysid.estimation.fit.options import FitOptions
 from sysid.estimation.fit.part_search import undeclared_parts
@@ -91,10 +91,12 @@ def fit_with_laws(
         As :func:`sysid.estimation.fit.least_squares.fit_bump_runs`.
     """
     options, report = options or FitOptions(), Series(progress or unwatched)
-    choice = _Choice(campaign, drops, profiles, options, report)
+    choice = _Choice(one_of_each(campaign) if options.preview else campaign, drops, profiles, options, report)
     choice, linear = choice.with_parts(choice.declared, choice.by_declared_laws(None))
     chosen, comparison = choice.chosen(linear)
-    if chosen is not linear:
+    if options.preview:
+        choice, chosen = choice.on_all_runs(campaign, chosen)
+    elif chosen is not linear:
         later, again = choice.with_parts(laws_at_optimum(campaign.vehicle, chosen), chosen)
         if later is not choice:
             choice = later
@@ -108,7 +110,9 @@ def fit_with_laws(
     frames = undeclared_frames(campaign.vehicle, parts, fit.parameters)
     # A good median hides what acts on few channels; parts of the data that disagree show it.
     doubted = any(part.forbids or part.scattered for part in fit.parts)
-    mistakes = () if parts else likely_mistake(campaign, chosen, whatever_left=doubted)
+    # A preview has its own footprint maps and masses in the joint optimum alone: what these explain is no mistake.
+    explained = options.preview and not leaves_more_than_noise(joint, whatever_left=doubted)
+    mistakes = () if parts or explained else likely_mistake(campaign, chosen, whatever_left=doubted)
     trials = contact_trials(campaign, chosen, profiles, options, report) if options.contact_spread else ()
     fit = replace(
         fit,
@@ -156,9 +160,10 @@ class _Choice:
         if not self.is_open:
             return linear, None
         if self.options.laws != "compare" and not self._leaves_laws(linear):
-            return self.fitted(self.declared, linear), None
+            return linear if self.options.preview else self.fitted(self.declared, linear), None
         tried = partial(self.fitted, comparing=True)
-        return compare_laws(self.campaign, self.declared, self.richest, linear, tried)
+        preview = self.options.preview
+        return compare_laws(self.campaign, self.declared, self.richest, linear, tried, preview=preview)
 
     def _leaves_laws(self, linear: Optimum) -> bool:
         """Whether richer laws may explain the residuals by the declared ones."""
@@ -191,6 +196,15 @@ class _Choice:
         choice = replace(self, campaign=parts.in_campaign(self.campaign), parts=self.parts + parts)
         return choice, choice.by_declared_laws(with_them)
 
+    def on_all_runs(self, campaign: Campaign, chosen: Optimum) -> tuple[_Choice, Optimum]:
+        """Fits of all runs of a campaign, and their optimum with the laws and parts that were found on some of them."""
+        if len(campaign.bump_runs) == len(self.campaign.bump_runs):
+            return self, chosen
+        choice = replace(self, campaign=self.parts.in_campaign(campaign))
+        parameters = campaign_parameters(choice.campaign, self.drops, laws_at_optimum(campaign.vehicle, chosen))
+        search = partial(optimise, choice.campaign, parameters, self.profiles, self.options, self.report)
+        return choice, search(plan=first_sight, begin=chosen)
+
     def fitted(
         self, laws: Laws, near: Optimum | None, plan: Plan = before_joint, *, comparing: bool = False
     ) -> Optimum:
@@ -211,6 +225,20 @@ class _Choice:
 
     def _comparing(self, message: str, fraction: float) -> None:
         self.report(f"comparing suspension laws, {message}", fraction)
+
+
+def one_of_each(campaign: Campaign) -> Campaign:
+    """A campaign with one run of each load case, bump and speed: repeats tell no more of the laws of a suspension.
+
+    Of repeats, the one with most channels; of these the first.
+    """
+    runs = campaign.bump_runs
+    kept: dict[Hashable, int] = {}
+    for i, run in enumerate(runs):
+        kind = run.load_case, run.bump, run.nominal_speed_m_s
+        if kind not in kept or len(run.log.channels) > len(runs[kept[kind]].log.channels):
+            kept[kind] = i
+    return replace(campaign, bump_runs=tuple(runs[i] for i in sorted(kept.values())))
 
 
 def found_elements(campaign: Campaign, optimum: Optimum, declared: Laws) -> tuple[Cause, ...]:

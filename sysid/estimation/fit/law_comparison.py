@@ -61,15 +61,24 @@ def compare_laws(
     rich_laws: Laws,
     poor: Optimum,
     fitted: Callable[..., Optimum],
+    *,
+    preview: bool = False,
 ) -> tuple[Optimum, LawComparison]:
-    """The preferred laws' optimum and all trials; every gain is over the laws of the campaign file."""
+    """The preferred laws' optimum and all trials; every gain is over the laws of the campaign file.
+
+    For a `preview`, elements with a decisive expected gain are added, and no fit without one of them is made.
+    """
     richest = rich_laws
-    rich_laws, rich = _enriched(campaign, poor_laws, rich_laws, poor, fitted)
+    rich_laws, rich = _enriched(campaign, poor_laws, rich_laws, poor, fitted, preview)
     if rich is None:
         optimum = fitted(poor_laws, poor)
         cost, names = optimum.minimum.cost, _names(poor_laws)
         trial = LawTrial(names, optimum.problem.count, cost, optimum.misfit, 0.0)
         return optimum, LawComparison((trial,), names, by_score(campaign, poor_laws, richest, optimum, ()))
+    if preview:
+        names = _names(rich_laws)
+        trial = LawTrial(names, rich.problem.count, rich.minimum.cost, rich.misfit, float("nan"))
+        return rich, LawComparison((trial,), names, untried=True)
     size = effective_residuals(rich)
     trials = _Trials(LawEvidence(campaign, rich), fitted, rich_laws, rich, poor_laws, poor, size)
     plain, family = with_plain_friction(trials.laws, poor_laws), (LEAF_FRICTION, "leaf")
@@ -181,7 +190,7 @@ def _families_in(vehicle: Vehicle, laws: Laws) -> tuple[tuple[str, str], ...]:
 
 
 def _enriched(
-    campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum, fitted: Callable[..., Optimum]
+    campaign: Campaign, laws: Laws, rich_laws: Laws, optimum: Optimum, fitted: Callable[..., Optimum], preview: bool
 ) -> tuple[Laws, Optimum | None]:
     """Laws with all elements that have a decisive expected gain, and their optimum; None if there is no such element.
 
@@ -201,6 +210,8 @@ def _enriched(
             optimum = with_nearer_stops(laws, optimum, fitted)
     if laws == start:
         return laws, None
+    if preview:
+        return laws, optimum
     return laws, with_released_stops(laws, fitted(laws, optimum, base), fitted)
 
 

@@ -26,6 +26,7 @@ from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.weights import noise as noise_model
 from sysid.progress import Progress, Series, unwatched
+from sysid.road.contact_laws import CONTACT_LAWS
 from sysid.road.road_profile import RoadProfile
 from sysid.vehicle_model.passes import MapTires
 
@@ -71,6 +72,7 @@ def optimise(
     *,
     plan: Plan = exact,
     near: Optimum | None = None,
+    begin: Optimum | None = None,
 ) -> Optimum:
     """The optimum of one set of suspension laws, by the phases of a plan.
 
@@ -79,6 +81,8 @@ def optimise(
     plan : one of :mod:`sysid.estimation.fit.search_plan`.
     near : optimum of other laws on the same campaign to start from: its motions, weights, maps and common parameters.
         None to begin at the start values, under maps of the declared tires.
+    begin : without one near, the optimum of the same laws on some of the runs, whose parameters take the place of the
+        start values.
     """
     report("preparing the model", 0.0)
 
@@ -96,15 +100,18 @@ def optimise(
 
     phases = plan(options, near is not None)
     if near is None:
-        model, start, weights, damping = prepared(None), parameters.start, None, None
+        start = parameters.start if begin is None else _start_from(parameters, begin)
+        follows = begin is not None and CONTACT_LAWS[options.contact].follows_tires
+        tires = map_tires(parameters, start) if follows else None
+        model, weights, damping = prepared(tires), None, None
         motion, instrument = _find_motion(campaign, model, start, report)
 
         def fitted(of: Campaign) -> np.ndarray:
-            found = optimise_from(of, prepared(None, of), motion, instrument, start, glance(options), report)
+            found = optimise_from(of, prepared(tires, of), motion, instrument, start, glance(options), report)
             values, moved = found.problem.unpack(found.vector)
             return misfits(found.problem.model, moved, values, instrument)
 
-        check_load_cases(campaign, model, motion, start, instrument, partial(prepared, None), fitted)
+        check_load_cases(campaign, model, motion, start, instrument, partial(prepared, tires), fitted)
     else:
         model, start, weights = prepared(near.problem.model.tires), _start_from(parameters, near), near.problem.weights
         instrument, (_, motion) = near.instrument, near.problem.unpack(near.vector)
@@ -114,9 +121,9 @@ def optimise(
     optimum = search(weights=weights, damping=damping)
     for _ in range(phases.map_rounds):
         optimum = under_own_maps(optimum, phases.first)
-        tires = optimum.problem.model.tires
-        assert tires is not None
-        if tires.like(map_tires(parameters, optimum.vector[: optimum.problem.count])):
+        felt = optimum.problem.model.tires
+        assert felt is not None
+        if felt.like(map_tires(parameters, optimum.vector[: optimum.problem.count])):
             break
     return optimum if phases.last is None else under_own_maps(optimum, phases.last)
 

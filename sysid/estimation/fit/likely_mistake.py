@@ -16,12 +16,14 @@ from itertools import islice
 
 import numpy as np
 
+from sysid.arrays import UnknownsOfFit
 from sysid.campaign.records import Campaign
 from sysid.estimation.fit.causes import Cause
 from sysid.estimation.fit.mistake_candidates import Directions, MistakeCandidate
 from sysid.estimation.fit.optimum import Optimum
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.residuals.by_group import too_many
+from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import without_friction
@@ -61,13 +63,7 @@ def mistake_scores(campaign: Campaign, optimum: Optimum, *, whatever_left: bool 
     """
     problem = optimum.problem.with_weights(_plain_weights(optimum))
     model = problem.model
-    lins = problem.linearise(optimum.vector)
-    total = sum(float(np.sum(np.asarray(r) ** 2)) for lin in lins for r in (lin.residual, lin.gain_residual))
-    count = sum(
-        float(group.measured[:, np.isfinite(noise)].sum())
-        for group, noise in zip(model.groups, problem.weights.noise_sd, strict=True)
-    )
-    least = 1.0 if whatever_left else MISFIT**2
+    (total, count), least = _squares(problem, optimum.vector), _least(whatever_left)
     if total < least * count:
         return ()
     allowances = without_friction(campaign, model.parameters, model.felt)
@@ -92,6 +88,29 @@ def mistake_scores(campaign: Campaign, optimum: Optimum, *, whatever_left: bool 
             scored.append(MistakeScore(candidate, float(gain) / left, float(amplitude)))
     problem.forget()
     return _best_sizes(scored)
+
+
+def leaves_more_than_noise(optimum: Optimum, *, whatever_left: bool = False) -> bool:
+    """Whether residuals are so far above the noise that a mistake is looked for, as in :func:`mistake_scores`."""
+    problem = optimum.problem.with_weights(_plain_weights(optimum))
+    total, count = _squares(problem, optimum.vector)
+    problem.forget()
+    return total >= _least(whatever_left) * count
+
+
+def _least(whatever_left: bool) -> float:
+    return 1.0 if whatever_left else MISFIT**2
+
+
+def _squares(problem: Problem, vector: UnknownsOfFit) -> tuple[float, float]:
+    """Sum of squares of the residuals, and the number of readings behind it."""
+    lins = problem.linearise(vector)
+    total = sum(float(np.sum(np.asarray(r) ** 2)) for lin in lins for r in (lin.residual, lin.gain_residual))
+    count = sum(
+        float(group.measured[:, np.isfinite(noise)].sum())
+        for group, noise in zip(problem.model.groups, problem.weights.noise_sd, strict=True)
+    )
+    return total, count
 
 
 def _best_sizes(scores: Sequence[MistakeScore]) -> tuple[MistakeScore, ...]:

@@ -13,7 +13,7 @@ class Phase:
     """One search for the parameters under given footprint maps.
 
     - `weight_rounds`: number of re-estimations of the residual scales on the way;
-    - `tolerance`: relative change of the cost that ends it;
+    - `tolerance`: relative change of the cost that ends it, `before_weights` that of rounds before the last one;
     - `max_iterations`: limit per round;
     - `larger_steps`: whether it integrates with larger steps
       (:mod:`sysid.estimation.residuals.larger_steps`): enough to compare optima by.
@@ -23,6 +23,7 @@ class Phase:
     tolerance: float
     max_iterations: int
     larger_steps: bool = False
+    before_weights: float = 1e-4
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,9 @@ class FitOptions:
       linear ones leave residuals that those may explain, ``compare`` always, ``declared`` never
       (:mod:`sysid.estimation.fit.law_choice`);
     - `contact` is the tires' contact law (:mod:`sysid.road.contact_laws`);
-    - `contact_spread` repeats the fit with the other contact laws.
+    - `contact_spread` repeats the fit with the other contact laws;
+    - `preview` chooses laws by one run of each kind, adds elements by their expected gain without trials of fewer, and
+      ends after three rounds of masses and tires.
     """
 
     weight_rounds: int = 3
@@ -49,6 +52,7 @@ class FitOptions:
     laws: str = "auto"
     contact: ContactLaw = "footprint"
     contact_spread: bool = False
+    preview: bool = False
 
     def phase(
         self,

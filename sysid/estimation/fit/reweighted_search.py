@@ -60,7 +60,7 @@ def optimise_from(
         minimum = minimise(
             problem.evaluate,
             vector,
-            relative_tolerance=phase.tolerance if last else 1e-4,
+            relative_tolerance=phase.tolerance if last else phase.before_weights,
             max_iterations=phase.max_iterations,
             on_iteration=partial(_report_iteration, report, number, rounds),
             corners=[i for i, p in enumerate(model.parameters.parameters) if p.quantity in TRAVELS],

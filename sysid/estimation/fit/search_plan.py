@@ -71,6 +71,8 @@ def first_sight(options: FitOptions, near: bool) -> SearchPlan:
     first = options.phase(
         weight_rounds=1, tolerance=_SIGHT_TOLERANCE, max_iterations=_SIGHT_ITERATIONS, larger_steps=True
     )
+    if options.preview:
+        return SearchPlan(replace(first, before_weights=_SIGHT_TOLERANCE))
     return SearchPlan(first, 0 if near or not _follows(options) else 1)
 
 

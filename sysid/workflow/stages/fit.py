@@ -24,6 +24,12 @@ if TYPE_CHECKING:
     from sysid.road.road_profile import RoadProfile
     from sysid.validation.channel_agreement import ChannelAgreement, LeftOutRun, Validation
 
+#: Said of laws of a preview.
+UNTRIED = (
+    "Preview: elements were added by their expected gain; no fit without one of them was made, so that some may not be "
+    "needed."
+)
+
 
 # ---------------------------------------------------------------------- fit
 
@@ -115,8 +121,10 @@ def _laws(fit: FitResult) -> Blocks:
     for t in fit.law_comparison.trials:
         laws = t.laws[0] if len(set(t.laws)) == 1 else "; ".join(f"{i + 1}: {law}" for i, law in enumerate(t.laws))
         chosen = "yes" if t.laws == fit.law_comparison.chosen else ""
-        table.add_row(laws, str(t.parameters), f"{t.misfit:.2f}", f"{t.gain:.4g}", chosen)
+        table.add_row(laws, str(t.parameters), f"{t.misfit:.2f}", finite_cell(t.gain, ".4g"), chosen)
     yield table
+    if fit.law_comparison.untried:
+        yield UNTRIED
     for undecided in fit.law_comparison.undecided:
         yield undecided.sentence
 
