@@ -91,8 +91,8 @@ class MixedRoads(EffectiveRoads):
         super().__init__(vehicle, load_cases, profiles, tires=tires)
         self._physics = physics
 
-    def _make_maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
-        springs = super()._make_maps(load_case, bump)
+    def _make_maps(self, load_case: str, bump: str, run: str) -> tuple[FootprintMap, ...]:
+        springs = super()._make_maps(load_case, bump, run)
         if self._physics.cams == 0.0:
             return springs
         case, gravity = self.load_cases[load_case], self.vehicle.gravity_m_s2

@@ -21,6 +21,7 @@ from sysid.road.enveloping import (
 )
 from sysid.road.footprint_filter import footprint_filter
 from sysid.road.road_profile import RoadProfile
+from sysid.road.wheel_paths import WheelPaths
 from sysid.vehicle_model.contact import EffectiveRoad, effective_road
 from sysid.vehicle_model.passes import MapTires
 
@@ -31,22 +32,6 @@ GENTLE_STEP_M, HARSH_STEP_M = 0.025, 0.01
 HARSH, MOST_HARSH_M = 0.05, 100.0
 #: Places at which that is looked at, those where the filter takes most away, and most places of a path over springs.
 _LOOKED_AT, _JUDGED = 200, 3000
-
-
-@dataclass(frozen=True)
-class WheelPaths:
-    """Stations (T, na) of the wheels' centres of one vehicle or several (T, na, t), and how far they rise there [m]."""
-
-    station_m: np.ndarray
-    rise_m: np.ndarray
-
-    def on(self, axle: int, station_m: Stations) -> tuple[Stations, Stations]:
-        """Median and standard deviation over the vehicles of an axle's rise at stations (n,) [m], 0 beyond the ends."""
-        each = [
-            np.interp(station_m, np.maximum.accumulate(s), z, left=0.0, right=0.0)
-            for s, z in zip(self.station_m[:, axle].T, self.rise_m[:, axle].T, strict=True)
-        ]
-        return np.median(each, axis=0), np.std(each, axis=0)
 
 
 @dataclass(frozen=True)
@@ -172,9 +157,7 @@ def _mapped(
         if paths is None:
             maps.append(footprint_map(table, load, declared, stiffness))
             continue
-        rise, spread = paths.on(i, table.station_m)
-        about = axle.tire_radius_m - _sunk(table, load, declared, stiffness)[1] + rise
-        maps.append(footprint_map_about(table, load, declared, stiffness, about, spread))
+        maps.append(footprint_map_about(table, load, declared, stiffness, *paths.on(i, table.station_m)))
     first = min(round(m.station_m[0] / m.step_m) for m in maps)
     last = max(round(m.station_m[-1] / m.step_m) for m in maps)
     maps = [m.widened(first, last) for m in maps]

@@ -17,6 +17,7 @@ from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, law_inpu
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.prediction.assumed_stops import AssumedStops
 from sysid.prediction.bridge_loads import BridgeVehicles, predict_bridge
+from sysid.prediction.bump_edges import BumpEdges
 from sysid.prediction.driven_range import driven_range, spring_deflection
 from sysid.prediction.finite import check_duration, check_finite
 from sysid.prediction.measures import extremes, impulse_ratio, lift_off_time, load_coefficient, quantiles
@@ -287,6 +288,7 @@ def speed_sweep(
     vehicles: VehicleDraws | None = None,
     driven: DrivenRange | None = None,
     stops: AssumedStops | None = None,
+    bumps: BumpEdges | None = None,
 ) -> SpeedSweep:
     """Peak load ratio and dynamic load coefficient of one load case over a bump against speed.
 
@@ -297,6 +299,7 @@ def speed_sweep(
     vehicles : those that belong to the sets, None for the declared one.
     driven : what the driven runs reached; without it nothing but the speed is compared with them.
     stops : those of the declared vehicle that are assumed; drawn ones have their own.
+    bumps : what wheels feel of edges at each speed; without it `roads` hold at all of them.
     """
     drawn = None
     if vehicles is not None and min(speeds_m_s) >= _SLOW_M_S:
@@ -312,15 +315,16 @@ def speed_sweep(
         progress(f"ratio against speed, {load_case}", number / len(speeds_m_s))
         speed = speeds_m_s[number]
         request = PredictionRequest(load_case, speed, bump)
+        felt = roads if bumps is None else bumps.at(request)
         p = _simulate(
             campaign,
             parameters,
-            roads,
+            felt,
             request,
             sets,
-            vehicles,
+            vehicles if felt is roads or vehicles is None else vehicles.over(felt),
             stops,
-            drawn,
+            drawn if felt is roads else None,
             interval_s=SWEEP_INTERVAL_S,
             lengths=SWEEP_LENGTHS,
         )
@@ -388,14 +392,16 @@ def predict(
     roads = effective_roads(state, requests)
     sets = state.point.log_parameters[None] if draws is None else draws
     vehicles, stops = vehicles_of(state, roads, sets, driven, None if draws is None else random)
-    of_bridges = BridgeVehicles(state, sets, vehicles, stops)
+    of_bridges, bumps = BridgeVehicles(state, sets, vehicles, stops), BumpEdges(state, roads, stops)
 
     def one(request: PredictionRequest) -> PassPrediction:
         if request.bridge is not None:
             return predict_bridge(of_bridges, request, driven, progress)
         if request.road is not None:
             return predict_road(state, request, sets, vehicles, driven, stops, progress)
-        return predict_pass(campaign, parameters, roads, request, sets, vehicles, driven, stops)
+        felt = bumps.at(request)
+        over = vehicles if felt is roads or vehicles is None else vehicles.over(felt)
+        return predict_pass(campaign, parameters, felt, request, sets, over, driven, stops)
 
     # A pass over a bridge keeps one thread busy for long at its end.
     over_bridges = [r for r in requests if r.bridge is not None]
@@ -408,7 +414,7 @@ def predict(
     pairs = dict.fromkeys((r.load_case, r.bump) for r in requests if r.shape is None and r.over_bump)
     speeds = [v / 3.6 for v in sweep_km_h]
     sweeps = tuple(
-        speed_sweep(campaign, parameters, case, bump, roads, sets, speeds, progress, few, driven, stops)
+        speed_sweep(campaign, parameters, case, bump, roads, sets, speeds, progress, few, driven, stops, bumps)
         for case, bump in pairs
         if speeds
     )

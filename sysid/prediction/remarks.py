@@ -7,14 +7,10 @@ from collections.abc import Mapping, Sequence
 from sysid.campaign.records import Campaign, PredictionRequest
 from sysid.campaign.requests import beyond_runs, pass_label
 from sysid.prediction.trust import Extrapolation
-from sysid.road.contact_laws import CONTACT_LAWS
-from sysid.vehicle_model.passes import EffectiveRoads
+from sysid.vehicle_model.passes import EDGES, EffectiveRoads, Pass
 
 #: Departure of the mean load of the whole truck over a pass from its weight that is worth a sentence.
 _IMPULSE = 0.01
-#: Load by which a footprint map departs from the radial springs over a bump, in shares of the load at rest, that is
-#: worth a sentence: smooth bumps have 0.01 to 0.07, planks up to 0.25, where loads were 12 to 32 % of their change off.
-_EDGES = 0.1
 #: Quantities of a pass that are compared with the driven runs: words, factor and unit for people.
 _QUANTITIES = {
     "tire_deflection": ("tire deflection", 1e3, "mm"),
@@ -54,18 +50,13 @@ def remarks(
 
 
 def edges(campaign: Campaign, request: PredictionRequest, roads: EffectiveRoads) -> tuple[str, ...]:
-    """A sentence about a bump whose edges the footprint maps do not follow; none over smooth bumps."""
-    if not CONTACT_LAWS[roads.contact].follows_tires:
-        return ()
-    loads = (m * roads.vehicle.gravity_m_s2 for m in roads.load_cases[request.load_case].axle_loads_kg)
-    each = zip(roads.maps(request.load_case, request.bump), roads.tires.stiffness_N_per_m, loads, strict=True)
-    misfit = max(one.misfit_m * stiffness / load for one, stiffness, load in each)
-    if misfit <= _EDGES:
+    """A sentence about a bump whose edges are not followed well enough; none over smooth bumps."""
+    misfit = roads.off_springs(Pass(request.load_case, request.bump))
+    if misfit <= EDGES:
         return ()
     return (
         f"{pass_label(campaign, request)}: the bump has edges that a tire does not smooth as the model takes it; loads "
-        f"over it may be off by {100.0 * misfit:.0f} % of the static load. Predict a pass over its profile as a road "
-        "of at most 100 m, where the springs of the tires are followed: predict --road FILE.",
+        f"over it may be off by {100.0 * misfit:.0f} % of the static load.",
     )
 
 

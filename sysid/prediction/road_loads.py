@@ -19,7 +19,7 @@ from sysid.campaign.roads import RoadCourse
 from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitState
 from sysid.prediction.assumed_stops import AssumedStops
-from sysid.prediction.felt_road import HARSH, MOST_HARSH_M, FeltRoad, Misfit, WheelPaths
+from sysid.prediction.felt_road import HARSH, MOST_HARSH_M, FeltRoad, Misfit
 from sysid.prediction.finite import check_finite
 from sysid.prediction.measures import extremes, quantiles
 from sysid.prediction.pass_over_road import pass_over_road
@@ -46,6 +46,7 @@ from sysid.prediction.vehicle_groups import (
 from sysid.progress import Progress, unwatched
 from sysid.road.driven_road import course_heights
 from sysid.road.roughness import class_of_density, class_of_profile, roughness_index
+from sysid.road.wheel_paths import WheelPaths, followed
 from sysid.threads import side_by_side
 from sysid.vehicle_model.engine import Timing
 
@@ -58,9 +59,8 @@ STRETCH_S, RUN_UP_S, GROWTH_S = 20.0, 7.0, 3.5
 INTERVAL_S = 0.004
 #: Step of the integration on harsh roads [s], and the way between two samples there [m] as far as it allows.
 _HARSH_STEP_S, _HARSH_WAY_M = 0.001, 0.008
-#: How often the springs over edges are followed about the paths of the time before, at most, and the root mean square
-#: move of a path [m] at which it has settled; vehicles whose loads are compared with the springs.
-_ROUNDS, _SETTLED_M, _JUDGED = 8, 2e-4, 3
+#: Vehicles whose loads over edges are compared with the springs.
+_JUDGED = 3
 #: Loads over edges are said to be off where the root mean square error of their change is more than this, or that of a
 #: peak.
 _MOST_CHANGE, _MOST_PEAK = 0.05, 0.03
@@ -255,13 +255,11 @@ def _settled(
     clock: Timing,
 ) -> tuple[FeltRoad, Misfit]:
     """A harsh road about the paths of the vehicles of a group, followed again until these stay where they are."""
-    paths = _paths(state, request, group, road, samples, clock)
-    for _ in range(_ROUNDS):
-        road = felt_by_vehicle(state, request.load_case, station_m, height_m, paths)
-        before, paths = paths, _paths(state, request, group, road, samples, clock)
-        moved = np.median(paths.rise_m, axis=-1) - np.median(before.rise_m, axis=-1)
-        if np.sqrt(np.mean(moved**2, axis=0)).max() < _SETTLED_M:
-            break
+    road, paths = followed(
+        road,
+        lambda felt: _paths(state, request, group, felt, samples, clock),
+        lambda paths: felt_by_vehicle(state, request.load_case, station_m, height_m, paths),
+    )
     some = np.unique(np.linspace(0, paths.rise_m.shape[2] - 1, _JUDGED).round().astype(int))
     few = WheelPaths(paths.station_m[:, :, some], paths.rise_m[:, :, some])
     return road, misfit_by_vehicle(state, request.load_case, station_m, height_m, road, few)

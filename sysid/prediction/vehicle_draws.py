@@ -61,6 +61,11 @@ class VehicleDraws:
         if given != width:
             raise ValueError(f"Draws of {given} masses and departures do not fit a vehicle with {width} of them.")
 
+    def over(self, roads: EffectiveRoads) -> VehicleDraws:
+        """The same vehicles over other roads."""
+        departures = self.allowances.departures.over(roads)
+        return replace(self, allowances=replace(self.allowances, departures=departures))
+
     def first(self, count: int) -> VehicleDraws:
         """The vehicles of the first draws."""
         error, share = (None if e is None else e[:count] for e in (self.contact_error, self.share_error))

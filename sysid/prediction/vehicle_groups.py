@@ -14,7 +14,7 @@ from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import law_inputs, laws_side_by_side
 from sysid.prediction.assumed_stops import AssumedStops
 from sysid.prediction.driven_range import spring_deflection
-from sysid.prediction.felt_road import FeltRoad, Misfit, WheelPaths, felt_road, misfit_on_springs
+from sysid.prediction.felt_road import FeltRoad, Misfit, felt_road, misfit_on_springs
 from sysid.prediction.vehicle_draws import (
     TOGETHER,
     DrawnVehicles,
@@ -23,12 +23,14 @@ from sysid.prediction.vehicle_draws import (
     drawn_vehicles,
     with_contact_error,
 )
+from sysid.road.wheel_paths import WheelPaths
 from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
 from sysid.vehicle_model.engine import Timing, wheel_road
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.passes import MapTires, Pass, PassBatch, declared_tires, load_case_matrices, pass_matrices
 from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, StackedMatrices, runs_side_by_side
 from sysid.vehicle_model.suspension import SuspensionLaw
+from sysid.vehicle_model.wheel_places import wheel_paths
 
 
 @dataclass(frozen=True)
@@ -86,28 +88,14 @@ class VehicleGroup:
 
     def wheels(self, driven: Driven, place_m: np.ndarray) -> WheelPaths:
         """Where the wheels' centres were in histories of the vehicles; `place_m` (T, na) of axles at even speed [m]."""
-        (matrices, suspension, _), axles = self.made, place_m.shape[1]
-        position = matrices.position if matrices.beams is None else _turned(matrices.position, matrices.beams.wheel)
-        above, ahead = (
-            np.einsum("taj,sjt->sat", position[:, part], driven.body)
-            for part in (slice(0, axles), slice(axles, 2 * axles))
-        )
-        if suspension.trailing is not None:
-            # Links lead a wheel aft as it rises, forward as the suspension extends.
-            ahead = ahead + suspension.trailing[:, :, 0].T * driven.extension_m
-        return WheelPaths(place_m[:, :, None] + ahead, above - driven.extension_m)
+        matrices, suspension, _ = self.made
+        return wheel_paths(matrices, suspension, driven.body, driven.extension_m, place_m[:, :, None])
 
     def erring(self, tire_N: np.ndarray) -> np.ndarray:
         """Tire forces (T, na, t) [N] with the contact error of every draw."""
         if self.contact_error is None:
             return tire_N
         return with_contact_error(tire_N, self.static_N, self.contact_error.T)
-
-
-def _turned(position: np.ndarray, wheel: np.ndarray) -> np.ndarray:
-    """Rows of the bodies above the wheels in place of those above the coordinates of common beams."""
-    axles = wheel.shape[1]
-    return np.concatenate([wheel @ position[:, :axles], position[:, axles:]], axis=1)
 
 
 def felt_by_vehicle(

@@ -300,24 +300,24 @@ def footprint_map_about(
     load_N: float,
     reference_load_N: float,
     stiffness_N_per_m: float,
-    height_m: np.ndarray,
+    rise_m: np.ndarray,
     width_m: np.ndarray,
 ) -> FootprintMap:
-    """Fit the footprint map of a tire about the heights of its centre at the stations of the table.
+    """Fit the footprint map of a tire about the path of its centre.
 
     Over edges a cubic for all loads is a few per cent off; about a path that the wheel takes it follows the springs
     closely.  `misfit_m` is the root mean square error of e about the path, where it is largest.
 
     Parameters
     ----------
-    height_m : (n,) height of the wheel's centre at the stations of the table [m].
+    rise_m : (n,) how far the wheel's centre is above its place on flat road, at the stations of the table [m].
     width_m : (n,) standard deviation of the heights at which the map has to hold [m]; 3 mm where less is given.
     table, load_N, reference_load_N, stiffness_N_per_m : as for :func:`effective_profile`.
     """
     tire = _tire_on_table(table, load_N, reference_load_N, stiffness_N_per_m)
     deepest = float(table.deflection_m[-1])
     # Where the wheel is off the road, the map has to hold from first contact on.
-    at = np.clip(table.contact_height_m - height_m, 0.0, deepest)[:, None]
+    at = np.clip(table.contact_height_m - (table.radius_m - tire.static_m + rise_m), 0.0, deepest)[:, None]
     width = np.maximum(width_m, _ABOUT_M)[:, None]
     whole = np.broadcast_to(deepest * np.linspace(0.0, 1.0, _ALL_LEVELS) ** _ALL_POWER, (at.size, _ALL_LEVELS))
     local = at + width * np.linspace(-_ABOUT_WIDTHS, _ABOUT_WIDTHS, _ABOUT_LEVELS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -11,13 +11,25 @@ import numpy as np
 from sysid.campaign.records import SpeedHeld
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.road.contact_laws import CONTACT_LAWS, ContactLaw
-from sysid.road.enveloping import SPOKE_EXPONENT, FootprintMap, SpokeTable, footprint_map, spoke_table
+from sysid.road.enveloping import (
+    SPOKE_EXPONENT,
+    FootprintMap,
+    SpokeTable,
+    footprint_map,
+    footprint_map_about,
+    spoke_table,
+)
 from sysid.road.road_profile import RoadProfile
+from sysid.road.wheel_paths import WheelPaths
 from sysid.threads import side_by_side
 from sysid.vehicle_model.assembly import PlanarMatrices, assemble
 from sysid.vehicle_model.contact import EffectiveRoad, effective_road
 from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, StackedMatrices, stack_matrices
 
+#: Load by which a footprint map departs from the radial springs over a bump, in shares of the load at rest, from which
+#: on it is followed about paths: smooth bumps have 0.01 to 0.07, planks up to 0.25, where one map for all that a wheel
+#: may do is 12 to 32 % of the change of load off.
+EDGES = 0.1
 #: Time constants [s] with which a driver, a servo or a winch at constant speed, a cruise control, or nothing at all
 #: holds the speed over the bump.
 HOLD_S: dict[SpeedHeld, float] = {"servo": SPEED_HOLD_S, "towed": SPEED_HOLD_S, "cruise": 1.0, "free": float("inf")}
@@ -27,13 +39,19 @@ HOLD_S: dict[SpeedHeld, float] = {"servo": SPEED_HOLD_S, "towed": SPEED_HOLD_S, 
 class Pass:
     """One pass over a bump: load case and bump by name, and how the speed is held.
 
-    `hold_s` is a time constant [s] in place of that of `speed_held`, None for the latter.
+    `hold_s` is a time constant [s] in place of that of `speed_held`, None for the latter; `run` names the run.
     """
 
     load_case: str
     bump: str
     speed_held: SpeedHeld = "servo"
     hold_s: float | None = None
+    run: str = ""
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """Load case, bump and run: what the wheels feel depends on no more."""
+        return self.load_case, self.bump, self.run
 
 
 @dataclass(frozen=True)
@@ -55,11 +73,14 @@ class MapTires:
     """The tires that footprint maps are tabulated for.
 
     `stiffness_N_per_m` (na,) tangent stiffness of every axle's tires at its static load in the first load case;
-    `spoke_exponent` of a single radial spring, see :mod:`sysid.road.enveloping`.
+    `spoke_exponent` of a single radial spring, see :mod:`sysid.road.enveloping`; `paths` by load case, bump and run are
+    those of the wheels about which the springs are followed, over bumps with edges. Elsewhere one map holds for all
+    that a wheel may do.
     """
 
     stiffness_N_per_m: tuple[float, ...]
     spoke_exponent: float = SPOKE_EXPONENT
+    paths: Mapping[tuple[str, str, str], WheelPaths] = field(default_factory=dict, compare=False, repr=False)
 
     def like(self, other: MapTires) -> bool:
         """Whether the maps of both cannot be told apart: exponents within 0.002, stiffnesses within 0.5 %."""
@@ -97,11 +118,11 @@ class EffectiveRoads:
     def _make_table(self, bump: str, radius_m: float) -> SpokeTable:
         return spoke_table(self.profiles[bump], radius_m, exponent=self.tires.spoke_exponent)
 
-    def _make_maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
+    def _make_maps(self, load_case: str, bump: str, run: str) -> tuple[FootprintMap, ...]:
         first = next(iter(self.load_cases.values()))
         case = self.load_cases[load_case]
         gravity = self.vehicle.gravity_m_s2
-        geometric_map = CONTACT_LAWS[self.contact].geometric_map
+        geometric_map, paths = CONTACT_LAWS[self.contact].geometric_map, self.tires.paths.get((load_case, bump, run))
         if geometric_map is None:
             # Before the maps, which are made side by side: tires of one radius share a table.
             for radius_m in {axle.tire_radius_m for axle in self.vehicle.axles}:
@@ -114,18 +135,33 @@ class EffectiveRoads:
             if geometric_map is not None:
                 return geometric_map(self.profiles[bump], axle.tire_radius_m, load / stiffness)
             table = self._table(bump, axle.tire_radius_m)
+            if paths is not None:
+                return footprint_map_about(table, load, reference, stiffness, *paths.on(i, table.station_m))
             return footprint_map(table, load, reference, stiffness)
 
         return side_by_side(one, range(len(self.vehicle.axles)))
 
-    def maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
-        """Footprint map of every axle in a load case over a bump."""
-        return self._maps(load_case, bump)
+    def about(self, driven: Pass, paths: WheelPaths) -> EffectiveRoads:
+        """The same with the springs of tires followed about the paths of the wheels in one pass."""
+        tires = replace(self.tires, paths={**self.tires.paths, driven.key: paths})
+        return EffectiveRoads(self.vehicle, self.load_cases, self.profiles, self.contact, tires)
+
+    def off_springs(self, driven: Pass) -> float:
+        """Largest error of a tire's load in a pass against its radial springs, in shares of the load at rest [-]."""
+        if not CONTACT_LAWS[self.contact].follows_tires:
+            return 0.0
+        loads = (m * self.vehicle.gravity_m_s2 for m in self.load_cases[driven.load_case].axle_loads_kg)
+        each = zip(self.maps(*driven.key), self.tires.stiffness_N_per_m, loads, strict=True)
+        return max(one.misfit_m * stiffness / load for one, stiffness, load in each)
+
+    def maps(self, load_case: str, bump: str, run: str = "") -> tuple[FootprintMap, ...]:
+        """Footprint map of every axle in a load case over a bump; about the paths of a run where these are known."""
+        return self._maps(load_case, bump, run if (load_case, bump, run) in self.tires.paths else "")
 
     def stacked(self, passes: Sequence[Pass]) -> EffectiveRoad:
         """Effective roads and footprint maps of several passes on common stations."""
         # Runs of one load case over one bump have the same maps: each is made once.
-        met = list(dict.fromkeys((p.load_case, p.bump) for p in passes))
+        met = list(dict.fromkeys(p.key for p in passes))
         maps = [self.maps(*one) for one in met]
         tabulated = [m for row in maps for m in row]
         step = tabulated[0].step_m
@@ -139,7 +175,7 @@ class EffectiveRoads:
         stretch, drag = (np.moveaxis(stack(name), 2, 0) for name in ("stretch", "drag"))
         stretch = np.concatenate([stretch, stack("lift_m")[None]])
         road = effective_road(np.arange(first, last + 1) * step, stack("rise_m"), stretch, drag)
-        of_pass = [met.index((p.load_case, p.bump)) for p in passes]
+        of_pass = [met.index(p.key) for p in passes]
         return road.of_runs(of_pass)
 
 

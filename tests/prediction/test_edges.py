@@ -17,13 +17,18 @@ from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
-from sysid.prediction import road_loads
+from sysid.estimation.residuals.run_paths import with_run_paths
+from sysid.prediction.bump_edges import BumpEdges
 from sysid.prediction.driven_range import driven_range
-from sysid.prediction.felt_road import WheelPaths, felt_road, misfit_on_springs
+from sysid.prediction.felt_road import felt_road, misfit_on_springs
+from sysid.prediction.predict_passes import predict_pass
 from sysid.prediction.road_loads import predict_road
 from sysid.prediction.vehicle_groups import Driven, VehicleGroup
+from sysid.road import wheel_paths
 from sysid.road.enveloping import SPOKE_EXPONENT
-from sysid.vehicle_model.passes import Pass, declared_tires, load_case_matrices, pass_matrices
+from sysid.road.road_profile import RoadProfile
+from sysid.road.wheel_paths import WheelPaths
+from sysid.vehicle_model.passes import EffectiveRoads, Pass, declared_tires, load_case_matrices, pass_matrices
 
 STATIC_N = np.array(EMPTY.axle_loads_kg) * VEHICLE.gravity_m_s2
 X_M = np.array([axle.x_m for axle in AXLES])
@@ -104,7 +109,7 @@ def test_a_pass_that_is_off_the_springs_says_so(state, monkeypatch):
     """The maps for all loads, by which the peaks of the rear axles over this hole are a third off."""
     right = predicted(state, -0.08, 30.0 / 3.6)
     assert not any("edges" in words for words in right.warnings)
-    monkeypatch.setattr(road_loads, "_ROUNDS", 0)
+    monkeypatch.setattr(wheel_paths, "_ROUNDS", 0)
     off = predicted(state, -0.08, 30.0 / 3.6)
     assert np.abs(off.peak_ratio_q50 / right.peak_ratio_q50 - 1.0).max() > 0.03
     assert any("over its edges loads are off those of the tires' springs by" in words for words in off.warnings)
@@ -143,3 +148,57 @@ def test_what_maps_for_all_loads_are_off_is_measured():
     assert near.change < 0.01
     assert near.peak < 0.01
     assert off.change > 0.05
+
+
+def plank() -> RoadProfile:
+    """A plank of 40 x 150 mm with vertical walls."""
+    station, up = np.arange(0.0, 1.0, 0.002), np.zeros(500)
+    up[101:176] = 0.04
+    return RoadProfile("bump", station, up, 0.0 * up, 0.201, 0.15)
+
+
+def over_plank(state, speed_m_s: float, *, springs: bool):
+    """A pass over the plank as a bump, about the paths of the wheels or by one map."""
+    roads = EffectiveRoads(VEHICLE, {"empty": EMPTY}, {"bump": plank()})
+    request = PredictionRequest("empty", speed_m_s)
+    felt = BumpEdges(state, roads, None).at(request) if springs else roads
+    return predict_pass(state.campaign, state.parameters, felt, request, state.point.log_parameters[None])
+
+
+@pytest.mark.parametrize("km_h", [16.0, 48.0])
+def test_a_plank_as_a_bump_is_felt_as_by_the_springs(state, km_h: float):
+    speed = km_h / 3.6
+    time, force = on_springs(0.04, speed)
+    # There the plank begins at its edge, here in a log of a bump at its start.
+    time = time - (EDGE_M - 0.001) / speed
+
+    def compared(found):
+        return departure(SimpleNamespace(**{**vars(found), "time_s": found.time_s}), time, force)
+
+    change, peak = compared(over_plank(state, speed, springs=True))
+    assert np.all(change < 0.05)
+    assert np.all(np.abs(peak) < 0.03)
+    assert compared(over_plank(state, speed, springs=False))[0].max() > 0.05
+
+
+def test_smooth_bumps_are_felt_by_one_map(state):
+    roads = EffectiveRoads(VEHICLE, {"empty": EMPTY}, {"bump": bump()})
+    assert BumpEdges(state, roads, None).at(PredictionRequest("empty", 5.0)) is roads
+    tires = with_run_paths(declared_tires(VEHICLE), state.model, state.point.log_parameters, state.point.motion)
+    assert not tires.paths
+
+
+def test_runs_over_a_plank_have_paths_of_their_own():
+    """Two runs at 3 and 9 m/s, whose wheels hop otherwise."""
+    data = campaign([empty_run("slow.csv", 3.0), empty_run("fast.csv", 9.0)])
+    parameters = campaign_parameters(data, None)
+    model = bump_model(data, parameters, {"bump": plank()})
+    motion = RunMotion.steady(np.array([3.0, 9.0]), np.array([0.5, 0.5]))
+    tires = with_run_paths(declared_tires(VEHICLE), model, true_log_parameters(parameters.names), motion)
+    rise = {run: paths.rise_m[:, 0].max() for (_, _, run), paths in tires.paths.items()}
+    assert set(rise) == {"slow.csv", "fast.csv"}
+    assert abs(rise["slow.csv"] - rise["fast.csv"]) > 5e-4
+    followed = bump_model(data, parameters, {"bump": plank()}, tires=tires).felt
+    usual, slow, fast = (followed.maps("empty", "bump", run)[0] for run in ("", "slow.csv", "fast.csv"))
+    assert not np.array_equal(slow.stretch, fast.stretch)
+    assert usual.misfit_m > 2.0 * max(slow.misfit_m, fast.misfit_m)

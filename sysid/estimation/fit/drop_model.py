@@ -100,7 +100,7 @@ class PlankRoads(EffectiveRoads):
         """Say what the road of a drop is."""
         self._lifts[name] = lift
 
-    def maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
+    def maps(self, load_case: str, bump: str, run: str = "") -> tuple[FootprintMap, ...]:
         """Footprint map of every axle in a load case for one drop."""
         lift = self._lifts[bump]
         end = self._end(load_case, lift.axle, round(lift.height_m, 6))

@@ -31,6 +31,7 @@ from sysid.estimation.fit.travel_scan import with_touched_stops
 from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.run_clocks import moved_clocks
+from sysid.estimation.residuals.run_paths import with_run_paths
 from sysid.estimation.uncertainty.allowances import Allowances, campaign_allowances
 from sysid.estimation.uncertainty.information import (
     BlockInformation,
@@ -269,7 +270,9 @@ def _moved(
         campaign = on_moved_clocks(campaign, clocks)
     old, (values, motion) = problem.model, problem.unpack(before.vector)
     values = values + step.joint.parameters
-    tires = map_tires(old.parameters, values) if CONTACT_LAWS[old.felt.contact].follows_tires else old.tires
+    tires = old.tires
+    if CONTACT_LAWS[old.felt.contact].follows_tires:
+        tires = with_run_paths(map_tires(old.parameters, values), old, values, motion)
     model = bump_model(
         campaign, old.parameters, profiles, target_step_s=options.target_step_s, contact=old.felt.contact, tires=tires
     )

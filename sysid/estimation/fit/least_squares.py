@@ -24,6 +24,7 @@ from sysid.estimation.parameters.map_tires import map_tires
 from sysid.estimation.parameters.parameter_set import ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.run_paths import with_run_paths
 from sysid.estimation.weights import noise as noise_model
 from sysid.progress import Progress, Series, unwatched
 from sysid.road.contact_laws import CONTACT_LAWS
@@ -94,7 +95,8 @@ def optimise(
         """The optimum under footprint maps of the tires that another optimum has."""
         report("footprint of the estimated tires", 0.5)
         values, motion = before.problem.unpack(before.vector)
-        model = prepared(map_tires(before.problem.model.parameters, values))
+        old = before.problem.model
+        model = prepared(with_run_paths(map_tires(old.parameters, values), old, values, motion))
         search = partial(optimise_from, campaign, model, motion, before.instrument, values, phase, report)
         return continued(search(weights=before.problem.weights, damping=before.minimum.damping), before)
 

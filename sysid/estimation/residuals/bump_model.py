@@ -189,7 +189,7 @@ def bump_model(
     arrays, batches, shapes, group_passes = [], [], [], []
     for group in groups:
         runs = [campaign.bump_runs[i] for i in group.runs]
-        passes = tuple(Pass(r.load_case, r.bump, r.speed_held) for r in runs)
+        passes = tuple(Pass(r.load_case, r.bump, r.speed_held, run=r.log.file) for r in runs)
         batch = make_pass_batch(
             campaign.vehicle, campaign.load_cases, felt, passes, layout.body_points, layout.rate_points
         )

@@ -101,6 +101,10 @@ class Departures:
     # Maps of a bump take a while: they are made once.
     _blends: dict[tuple[Pass, ...], BlendedRoad] = field(default_factory=dict, repr=False, compare=False)
 
+    def over(self, roads: EffectiveRoads) -> Departures:
+        """The same directions over other roads."""
+        return Departures(roads, self.directions, self.driven)
+
     def common(self, amplitudes: np.ndarray) -> np.ndarray:
         """What every direction of an axle (n,) has in common with the others of its kind; 0 for the common parts."""
         shared = {d.kind: float(a) for d, a in zip(self.directions, amplitudes, strict=True) if d.axle is None}
@@ -303,15 +307,15 @@ class _Padded(EffectiveRoads):
     def __init__(self, inner: EffectiveRoads, reach_m: tuple[float, float]):
         self._inner, self._reach_m = inner, reach_m
 
-    def maps(self, load_case: str, bump: str) -> tuple[FootprintMap, ...]:
-        maps = self._inner.maps(load_case, bump)
+    def maps(self, load_case: str, bump: str, run: str = "") -> tuple[FootprintMap, ...]:
+        maps = self._inner.maps(load_case, bump, run)
         first, last = (round(x / maps[0].step_m) for x in self._reach_m)
         return tuple(m.widened(first, last) for m in maps)
 
 
 def _padded_maps(known: Departures, passes: Sequence[Pass]) -> tuple[EffectiveRoad, ...]:
     sources = known.sources
-    maps = [m for s in sources for p in passes for m in s.maps(p.load_case, p.bump)]
+    maps = [m for s in sources for p in passes for m in s.maps(*p.key)]
     # Whole metres: what the reference engine compiles for one length of table serves other tires as well.
     first, last = min(float(m.station_m[0]) for m in maps), max(float(m.station_m[-1]) for m in maps)
     reach = (float(np.floor(first / _WHOLE_M) * _WHOLE_M), float(np.ceil(last / _WHOLE_M) * _WHOLE_M))
