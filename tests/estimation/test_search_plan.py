@@ -81,6 +81,7 @@ def test_a_search_goes_through_its_phases_until_the_maps_are_those_of_its_tires(
 
     monkeypatch.setattr(least_squares, "bump_model", lambda *given, tires, **rest: model_with(tires))
     monkeypatch.setattr(least_squares, "map_tires", lambda *given: Tires(len(gone), alike_after))
+    monkeypatch.setattr(least_squares, "with_run_paths", lambda tires, *given: tires)
     monkeypatch.setattr(least_squares, "_find_motion", lambda *given: (None, ()))
     monkeypatch.setattr(least_squares, "check_load_cases", lambda *given: None)
     monkeypatch.setattr(least_squares, "optimise_from", searched)

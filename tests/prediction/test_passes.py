@@ -85,7 +85,7 @@ def test_edges_of_a_bump_are_said(data, parameters, truth, rise_m: float, said: 
     height = 0.04 * (np.where(top, 1.0, 0.0) if rise_m == 0.0 else 0.5 - 0.5 * np.cos(np.pi * climb))
     words = edges(data, REQUEST, felt(data, make_profile(station, height)))
     assert bool(words) == said
-    assert all("edges" in w and "predict --road FILE" in w for w in words)
+    assert all("edges" in w and "of the static load" in w for w in words)
     found = predict_pass(data, parameters, felt(data, make_profile(station, height)), REQUEST, truth[None])
     assert set(words) <= set(found.warnings)
 
