@@ -13,6 +13,8 @@ from importlib.resources import files
 #: What a word says in one of its meanings: attributes with values, such as ``{"end": "front", "side": "left"}``.
 Meaning = Mapping[str, str]
 
+#: Words that have lost their vowel, in small letters: French and Italian `d'essieu`, `l'asse`, `qu'`, `dell'asse`.
+_ELIDED = re.compile(r"(?<![a-z])(?:[a-z]|qu|dell|nell|all|sull|un)['’](?=[a-z])")
 _UMLAUTS = (("ä", "ae"), ("ö", "oe"), ("ü", "ue"), ("ß", "ss"))
 _ENDINGS = ("s", "es", "n", "en", "e", "er", "em", "ed", "ing", "d", "ung", "ungen", "al", "ale", "ly", "x")
 _LINKS = ("", "s", "n", "en", "es", "e")
@@ -48,10 +50,16 @@ def folded(text: str) -> str:
     return "".join(c for c in unicodedata.normalize("NFD", text) if not unicodedata.combining(c))
 
 
+def without_elided(text: str) -> str:
+    """Without articles and prepositions that have lost their vowel, as in `d'essieu`: no `d` that could mean right."""
+    return _ELIDED.sub("", text)
+
+
 def _spellings(word: str) -> set[tuple[str, ...]]:
-    """A word or phrase as it may stand in a name: umlauts as two letters or without dots."""
+    """A word or phrase as it may stand in a name: umlauts as two letters or without dots, elided words or none."""
     plain = "".join(c for c in unicodedata.normalize("NFD", word.casefold()) if not unicodedata.combining(c))
-    return {tuple(re.findall(r"[a-z]+", text)) for text in (folded(word), plain.replace("ß", "ss"))}
+    spelled = (folded(word), plain.replace("ß", "ss"))
+    return {tuple(re.findall(r"[a-z]+", text)) for one in spelled for text in (one, without_elided(one))}
 
 
 @cache

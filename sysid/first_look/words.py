@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
-from sysid.first_look.vocabulary import LONGEST, Meaning, folded, meanings, phrase, vocabulary
+from sysid.first_look.vocabulary import LONGEST, Meaning, folded, meanings, phrase, vocabulary, without_elided
 
 Side = Literal["left", "right"]
 PlaceWord = Literal["front", "pusher", "drive", "tag", "middle", "rear", "trailer"]
@@ -63,7 +63,7 @@ def tokens(text: str) -> list[str]:
     """Words and numbers of a name in their order: ``axle1Accel_g`` is axle, 1, accel, g."""
     text = unicodedata.normalize("NFKC", text)
     split = _CAMEL.sub(lambda m: " " if text[m.start() - 1].islower() and text[m.start()].isupper() else "", text)
-    return _SPLIT.findall(folded(split))
+    return _SPLIT.findall(without_elided(folded(split)))
 
 
 def _meant(words: Sequence[str]) -> Iterator[tuple[int, int, tuple[Meaning, ...]]]:

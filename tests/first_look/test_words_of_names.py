@@ -87,6 +87,11 @@ def test_letters_of_two_meanings_mean_what_the_columns_beside_them_do() -> None:
     assert [said.side for said in cut.values()] == [None, None]
     assert columns_say(["acc_essieu_2_gche", "acc_essieu_2_dr"])["acc_essieu_2_dr"].side == "right"
     assert columns_say(["Beschl der Achse 1 g"])["Beschl der Achse 1 g"].side is None
+    # French "d'" is of, beside a left word too.
+    of_axles = columns_say(["avant bout d'essieu acc z", "avant bout d’essieu acc gauche", "avant bout_d_essieu acc"])
+    assert [said.side for said in of_axles.values()] == [None, "left", None]
+    assert {said.kind for said in of_axles.values()} == {"axle_acceleration"}
+    assert column_says("course d'amortisseur essieu 2").side is None
     # The first driven axle, or axle 1.
     assert path_says("vide/marche pont 1 2").axle == path_says("vide/marche 2").axle
     assert path_says("vide/marche essieu 1 2").axle.number == 1
