@@ -67,7 +67,7 @@ def truck_rows(results: Results) -> TruckRows:
         case = next(iter(results.campaign.load_cases.values()))
         gravity = results.campaign.vehicle.gravity_m_s2
         rows.append(("static load [kN]", [fixed(gravity * mass / 1e3, 1) for mass in case.axle_loads_kg]))
-    peaks = [0.0 if load is None else load.peak_N for load in (anywhere if any(anywhere) else loads)]
+    peaks = [0.0 if load is None else load.peak_N for load in loads]
     highest = int(np.argmax(peaks)) if any(peaks) else None
     kinds = dict.fromkeys(e.kind for row in of_axles for e in (row.stiffness, row.damping) if e)
     caption = (
@@ -81,9 +81,9 @@ def truck_rows(results: Results) -> TruckRows:
             if backed
             else f" Peak in pass: the largest of {passes} over the bump, and in which"
         )
-        caption += "; static there: the load at rest in that load case, and peak over it."
+        caption += "; static there: the load at rest in that load case, and peak over it; shaded: the largest of these."
         if any(anywhere):
-            caption += f" Last row: the largest at any speed to {_fastest(results)} km/h; shaded: the largest of all."
+            caption += f" Last row: the largest at any speed to {_fastest(results)} km/h."
         if any(load and load.beyond for load in (*loads, *anywhere)):
             caption += " * an extrapolation beyond the driven runs."
     return TruckRows(rows, highest, caption)

@@ -170,7 +170,7 @@ def _most(loads: Sequence[PeakLoad | None]) -> PeakLoad | None:
 
 
 def _largest_words(results: Results) -> str:
-    """The largest load of all, and the largest that the driven runs back where that is another one, in a sentence."""
+    """The largest load that the driven runs back, and the largest of all where that is another one, in a sentence."""
     known = largest_loads(results)
     if not known:
         return ""
@@ -182,8 +182,27 @@ def _largest_words(results: Results) -> str:
         so, beyond = ", extrapolated" if most.beyond else "", most.beyond
         load = in_thousands(most.peak_N, most.low_N, most.high_N)
         head, words = "Largest", f"{load} kN on axle {most.axle + 1} ({most.pass_name}{so})"
-    backed = _most(largest_at_any_speed(results, as_driven=True)) if beyond else None
-    return f"{head}: {words}." if backed is None else f"{head}: {words}; within driven runs {_at_speed(backed)}."
+    backed = _backed(results) if beyond else None
+    if backed is None:
+        return f"{head}: {words}."
+    load = in_thousands(backed.peak_N, backed.low_N, backed.high_N)
+    driven = f"Largest within the driven runs: {load} kN on axle {backed.axle + 1} ({backed.pass_name})"
+    return f"{driven}; beyond them {words.replace(', extrapolated', '')}."
+
+
+def _backed(results: Results) -> PeakLoad | None:
+    """The largest load at a speed at which nothing goes beyond the driven runs."""
+    return _most(largest_at_any_speed(results, as_driven=True))
+
+
+def passes_beyond(results: Results) -> list[str]:
+    """Names of passes whose loads are extrapolations: requested ones, and that of the largest load at any speed."""
+    passes = () if results.predictions is None else results.predictions.passes
+    beyond = [pass_name(p) for p in passes if p.trust]
+    elsewhere = _higher_elsewhere(results)
+    if beyond and elsewhere is not None and elsewhere.beyond and elsewhere.pass_name not in beyond:
+        beyond.append(elsewhere.pass_name)
+    return beyond
 
 
 def _higher_elsewhere(results: Results) -> PeakLoad | None:
@@ -215,7 +234,10 @@ def loads_answer(results: Results, judgement: Judgement) -> LoadsAnswer | None:
     beyond = sum(bool(p.trust) for p in passes)
     if judgement.trust not in ("use", "use_within") or results.status == "preview" or not beyond:
         return LoadsAnswer(answer_words(results, judgement), "", _largest_words(results) if not beyond else "")
-    words = "As extrapolations only" if beyond == len(passes) else "Yes, but for those marked *"
+    words = "Yes, but for those marked *"
+    if beyond == len(passes):
+        within = "Within the driven runs; beyond them as" if _backed(results) else "As"
+        words = f"{within} extrapolations only"
     return LoadsAnswer(
         words,
         f"{_driven(results)} Loads marked * exceed these runs; their ± leaves out the error of extrapolating.",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from sysid.numbers import count, listing
 from sysid.results import pass_limits
 from sysid.results.contents import Judgement, Results
+from sysid.results.headline import passes_beyond
 from sysid.results.judgement import in_words, unidentified_values
 
 
@@ -37,7 +38,7 @@ def next_steps(results: Results, judgement: Judgement) -> tuple[str, ...]:
     advice = " ".join(results.advice.statements[:2]) if results.advice is not None else ""
     if unidentified:
         steps.append(advice or "Run the stage 'advise': it says which further run or sensor would help most.")
-    steps += pass_limits.remedies(results)
+    steps += pass_limits.remedies(results, passes_beyond(results))
     if results.fit is not None and results.predictions is None and results.campaign.predictions:
         steps.append("Run the stage 'predict' for the axle loads of the passes in the campaign file.")
     if results.status == "converged" and results.posterior is not None and not judgement.forbids:

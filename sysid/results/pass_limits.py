@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sysid.numbers import listing, speed
@@ -66,15 +67,16 @@ def _beyond(p: PassPrediction) -> str:
     return listing(parts)
 
 
-def remedies(results: Results) -> list[str]:
-    """What would let the predictions say more: runs that reach further, and declared travel."""
+def remedies(results: Results, beyond: Sequence[str]) -> list[str]:
+    """What would let the predictions say more: runs that reach as far as passes `beyond` them, and declared travel."""
     if results.predictions is None:
         return []
     steps = []
-    if beyond := [pass_name(p) for p in results.predictions.passes if p.trust]:
+    if beyond:
+        passes = [name.replace(", ", " at ", 1) for name in beyond]
         steps.append(
-            f"If axle loads at {listing(beyond, 3)} matter, drive as near to these speeds as is safe, add the runs and "
-            "calibrate again: now they are extrapolations."
+            f"If axle loads matter {listing(passes, 3)}, drive as near to these speeds as is safe, add the "
+            "runs and calibrate again: these loads are extrapolations now."
         )
     if unknown := undeclared_travel(results):
         steps.append(

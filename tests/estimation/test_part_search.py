@@ -276,7 +276,7 @@ def test_a_part_that_only_shows_beside_the_laws_lets_their_comparison_begin_agai
         calls.append("fit with rocker" if campaign.vehicle.equalisers else "fit")
         return _Stub(f"fit {sum(c.startswith('fit') for c in calls)}")
 
-    def compared(campaign, *rest):
+    def compared(campaign, *rest, **how):
         calls.append("compare with rocker" if campaign.vehicle.equalisers else "compare")
         return _Stub("chosen"), LawComparison((), ())
 

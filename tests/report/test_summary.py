@@ -31,7 +31,8 @@ def unpacked(pdf: bytes) -> str:
     text = []
     for part in parts:
         try:
-            text.append(zlib.decompress(part).decode("latin-1"))
+            # The last byte of a stream may be a carriage return, which the pattern takes for the end of a line.
+            text.append(zlib.decompressobj().decompress(part).decode("latin-1"))
         except zlib.error:
             continue
     return "\n".join(text)
