@@ -139,7 +139,7 @@ def test_stops_are_fitted_before_what_imitates_them(monkeypatch):
         monkeypatch.setattr(law_comparison, name, lambda laws, optimum, fitted: optimum)
     asked: list[Laws] = []
     law_comparison._enriched(
-        None, (frozenset(),), (gas | stop,), None, lambda laws, near, plan=before_joint: asked.append(laws)
+        None, (frozenset(),), (gas | stop,), None, lambda laws, near, plan=before_joint: asked.append(laws), False
     )
     assert asked == [(stop,), (gas | stop,), (gas | stop,)]
 
