@@ -10,7 +10,7 @@ from sysid.arrays import Samples
 from sysid.campaign.records import PredictionRequest
 from sysid.estimation.fit.state import FitState
 from sysid.prediction.assumed_stops import AssumedStops
-from sysid.prediction.vehicle_groups import vehicle_groups
+from sysid.prediction.vehicle_groups import hold_s, vehicle_groups
 from sysid.road.wheel_paths import WheelPaths, followed
 from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.passes import EDGES, EffectiveRoads, Pass
@@ -52,9 +52,8 @@ class BumpEdges:
         first, last = road.first_station_m, road.first_station_m + road.step_m * road.rise.shape[-1]
         lead_s = _STEP_S * np.ceil(max(-first, 0.0) / speed / _STEP_S)
         samples = int(np.ceil((lead_s + (last + x.max()) / speed + _AFTER_S) / _STEP_S))
-        _, (group,) = vehicle_groups(
-            self.state, request.load_case, road, self.state.point.log_parameters[None], None, self.stops
-        )
+        optimum = self.state.point.log_parameters[None]
+        _, (group,) = vehicle_groups(self.state, request.load_case, road, optimum, None, self.stops, hold_s(speed))
         driven = group.driven(road, x, speed, float(lead_s), Timing(samples, _STEP_S, 1))
         time: Samples = _STEP_S * np.arange(samples) - lead_s
         return group.wheels(driven, speed * time[:, None] - x)

@@ -33,6 +33,7 @@ from sysid.prediction.vehicle_draws import (
     histories_of_draws,
     vehicles_of,
 )
+from sysid.prediction.vehicle_groups import SLOW_M_S, hold_s
 from sysid.prediction.wheel_loads import wheel_loads
 from sysid.progress import Progress, unwatched
 from sysid.road.named_shapes import named_shape
@@ -41,15 +42,12 @@ from sysid.vehicle_model.device_arrays import HostOrDevice, ParametersBySets
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.motion import Motion
 from sysid.vehicle_model.passes import EffectiveRoads, Pass, make_pass_batch
-from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, StackedMatrices
+from sysid.vehicle_model.stacked_matrices import StackedMatrices
 
 #: Integration step of predicted histories [s], their output interval too unless they would take more memory than that
 #: [bytes]: then every second step is kept, or every third, and so on.
 STEP_S = 0.001
 _MOST_BYTES = 500_000_000
-#: Below this speed [m/s] it is held the more tightly the slower the pass: the truck falls behind in proportion to its
-#: time on the bump, and far from the nominal place the Taylor series of the road means nothing.
-_SLOW_M_S = 4.0 / 3.6
 #: How long before and after the passage histories reach [s].
 BEFORE_S = 0.5
 AFTER_S = 1.5
@@ -174,7 +172,7 @@ def _simulate(
 
 
 def _held(load_case: str, bump: str, speed_m_s: float) -> Pass:
-    return Pass(load_case, bump, hold_s=SPEED_HOLD_S * min(1.0, speed_m_s / _SLOW_M_S))
+    return Pass(load_case, bump, hold_s=hold_s(speed_m_s))
 
 
 def _steps_per_sample(duration_s: float, sets: int, axles: int) -> int:
@@ -302,9 +300,9 @@ def speed_sweep(
     bumps : what wheels feel of edges at each speed; without it `roads` hold at all of them.
     """
     drawn = None
-    if vehicles is not None and min(speeds_m_s) >= _SLOW_M_S:
+    if vehicles is not None and min(speeds_m_s) >= SLOW_M_S:
         # A vehicle is the same at every such speed.
-        wanted = _held(load_case, bump, _SLOW_M_S)
+        wanted = _held(load_case, bump, SLOW_M_S)
         batch = make_pass_batch(campaign.vehicle, campaign.load_cases, roads, [wanted], [])
         drawn = [cache(make) for make in drawn_vehicles(batch, parameters, vehicles, wanted)]
         # Before several threads ask for it at once.

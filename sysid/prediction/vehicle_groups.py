@@ -32,6 +32,15 @@ from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, StackedMatrices, 
 from sysid.vehicle_model.suspension import SuspensionLaw
 from sysid.vehicle_model.wheel_places import wheel_paths
 
+#: Below this speed [m/s] it is held the more tightly the slower the pass: the truck falls behind in proportion to its
+#: time on the bump, and far from the nominal place the Taylor series of the road means nothing.
+SLOW_M_S = 4.0 / 3.6
+
+
+def hold_s(speed_m_s: float) -> float:
+    """Time constant [s] with which a predicted pass over a bump holds its speed [m/s]."""
+    return SPEED_HOLD_S * min(1.0, speed_m_s / SLOW_M_S)
+
 
 @dataclass(frozen=True)
 class Driven:
@@ -126,14 +135,16 @@ def vehicle_groups(
     sets: DrawsByParameters,
     vehicles: VehicleDraws | None,
     stops: AssumedStops | None,
+    held_s: float = SPEED_HOLD_S,
 ) -> tuple[PassBatch, list[VehicleGroup]]:
     """The pass of the vehicle with declared masses, and the vehicles of all draws, some at a time.
 
-    Without `vehicles` all of them are the declared one with the assumed `stops`.  `road` is the same for all.
+    Without `vehicles` all of them are the declared one with the assumed `stops`.  `road` is the same for all, and
+    `held_s` [s] holds the speed.
     """
     campaign, parameters = state.campaign, state.parameters
     vehicle, cases = campaign.vehicle, campaign.load_cases
-    wanted = Pass(load_case, "", hold_s=SPEED_HOLD_S)
+    wanted = Pass(load_case, "", hold_s=held_s)
     first = next(iter(cases.values()))
     batch = PassBatch(
         pass_matrices(load_case_matrices(vehicle, cases, [wanted]), [wanted], []),

@@ -12,6 +12,7 @@ from sysid.campaign.quality.check import check_quality
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, Sensor
 from sysid.estimation.residuals.bump_model import GAIN_SD, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.run_paths import about_own_paths
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.road.road_profile import RoadProfile
 from sysid.selftest.world import World
@@ -153,6 +154,14 @@ def simulated_campaign(
         motion = replace(motion, speed_change=np.full(motion.speed_m_s.size, speed_change))
     true = replace(world.campaign, bump_runs=planned.bump_runs)
     model = bump_model(true, world.parameters, profiles, target_step_s=STEP_S, roads=world.roads)
+    model = about_own_paths(
+        model,
+        world.log_parameters,
+        motion,
+        lambda tires: bump_model(
+            true, world.parameters, profiles, target_step_s=STEP_S, roads=world.roads.with_paths(tires.paths)
+        ),
+    )
     signals = simulate_runs(model, world.log_parameters, motion)
     position = {s.column: c for c, s in enumerate(model.layout.sensors)}
     runs = list(planned.bump_runs)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Self
 
 import numpy as np
 
@@ -112,6 +114,9 @@ class EffectiveRoads:
         self.vehicle = vehicle
         self.load_cases = dict(load_cases)
         self.profiles = dict(profiles)
+        self._forget()
+
+    def _forget(self) -> None:
         self._table = lru_cache(maxsize=None)(self._make_table)
         self._maps = lru_cache(maxsize=None)(self._make_maps)
 
@@ -143,8 +148,14 @@ class EffectiveRoads:
 
     def about(self, driven: Pass, paths: WheelPaths) -> EffectiveRoads:
         """The same with the springs of tires followed about the paths of the wheels in one pass."""
-        tires = replace(self.tires, paths={**self.tires.paths, driven.key: paths})
-        return EffectiveRoads(self.vehicle, self.load_cases, self.profiles, self.contact, tires)
+        return self.with_paths({**self.tires.paths, driven.key: paths})
+
+    def with_paths(self, paths: Mapping[tuple[str, str, str], WheelPaths]) -> Self:
+        """The same with the springs of tires followed about paths by load case, bump and run."""
+        other = copy(self)
+        other.tires = replace(self.tires, paths=paths)
+        other._forget()
+        return other
 
     def off_springs(self, driven: Pass) -> float:
         """Largest error of a tire's load in a pass against its radial springs, in shares of the load at rest [-]."""

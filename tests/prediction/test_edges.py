@@ -17,7 +17,8 @@ from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
-from sysid.estimation.residuals.run_paths import with_run_paths
+from sysid.estimation.residuals.run_paths import about_own_paths, with_run_paths
+from sysid.estimation.residuals.signals import simulate_runs
 from sysid.prediction.bump_edges import BumpEdges
 from sysid.prediction.driven_range import driven_range
 from sysid.prediction.felt_road import felt_road, misfit_on_springs
@@ -202,3 +203,32 @@ def test_runs_over_a_plank_have_paths_of_their_own():
     usual, slow, fast = (followed.maps("empty", "bump", run)[0] for run in ("", "slow.csv", "fast.csv"))
     assert not np.array_equal(slow.stretch, fast.stretch)
     assert usual.misfit_m > 2.0 * max(slow.misfit_m, fast.misfit_m)
+
+
+def test_runs_that_no_search_follows_get_paths_of_their_own():
+    """A simulated run over the plank: again about its own paths, its signals stay; over a smooth bump nothing moves."""
+    data = campaign([empty_run("a.csv", 5.0)])
+    parameters = campaign_parameters(data, None)
+    values, motion = true_log_parameters(parameters.names), RunMotion.steady(np.array([5.0]), np.array([0.5]))
+
+    def model_over(profile, tires=None):
+        return bump_model(data, parameters, {"bump": profile}, tires=tires)
+
+    smooth = model_over(bump())
+    assert about_own_paths(smooth, values, motion, lambda tires: model_over(bump(), tires)) is smooth
+    one = model_over(plank())
+    found = about_own_paths(one, values, motion, lambda tires: model_over(plank(), tires))
+    again = model_over(plank(), with_run_paths(found.felt.tires, found, values, motion))
+    (by_map,), (about,), (settled,) = (simulate_runs(m, values, motion) for m in (one, found, again))
+    moved = np.sqrt(np.mean((about - by_map) ** 2, axis=(0, 1)) / np.mean(about**2, axis=(0, 1)))
+    left = np.sqrt(np.mean((settled - about) ** 2, axis=(0, 1)) / np.mean(about**2, axis=(0, 1)))
+    assert moved.max() > 0.02
+    assert left.max() < 0.2 * moved.max()
+
+
+@pytest.mark.parametrize("speed_m_s", [0.15, 0.6])
+def test_a_truck_that_crawls_over_a_plank_carries_its_weight(state, speed_m_s: float):
+    found = over_plank(state, speed_m_s, springs=True)
+    assert np.all(np.isfinite(found.tire_force_q50_N))
+    np.testing.assert_allclose(found.tire_force_q50_N[:, -1], STATIC_N, rtol=0.01)
+    assert found.peak_ratio_q50.max() < 2.0

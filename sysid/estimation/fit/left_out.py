@@ -18,8 +18,10 @@ from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.residuals.run_motion import RunMotion
+from sysid.estimation.residuals.run_paths import about_own_paths
 from sysid.estimation.residuals.side_signals import with_sides
 from sysid.progress import Progress, unwatched
+from sysid.vehicle_model.passes import MapTires
 
 
 @dataclass(frozen=True)
@@ -72,10 +74,17 @@ def driven_by(truck: FitState, recorded: FitState, run: int) -> RunHistory:
     """
     part, own, motion, weights = _part(recorded, (run,))
     campaign, point = replace(truck.campaign, bump_runs=part.bump_runs), truck.point
-    # Its own bumps too: what a fit found of their heights is counted by bump.
-    model = model_of(campaign, {**truck.profiles, **recorded.profiles}, point, truck.campaign)
-    model = with_sides(model, point.log_parameters, motion)
+
+    def driven(tires: MapTires | None) -> BumpModel:
+        # Its own bumps too: what a fit found of their heights is counted by bump.
+        profiles = {**truck.profiles, **recorded.profiles}
+        model = model_of(campaign, profiles, replace(point, tires=tires), truck.campaign)
+        return with_sides(model, point.log_parameters, motion)
+
+    # Over edges its wheels go other ways than those of the truck in a run of that name.
+    model = driven(point.tires and replace(point.tires, paths={}))
     motion = _own_motion(Problem(model, campaign, motion, weights), point.log_parameters)
+    model = about_own_paths(model, point.log_parameters, motion, driven)
     noise = noise_before(own, motion)
     (history,) = run_histories(campaign, model, weights, motion, point.log_parameters, *noise)
     return history

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,27 @@ from sysid.road.wheel_paths import WheelPaths
 from sysid.vehicle_model.engine import Timing, wheel_road
 from sysid.vehicle_model.passes import EDGES, MapTires, Pass
 from sysid.vehicle_model.wheel_places import wheel_paths
+
+#: How often the springs of runs that are not fitted are followed about the paths of the time before.
+_ROUNDS = 4
+
+
+def about_own_paths(
+    model: BumpModel, log_parameters: Parameters, motion: RunMotion, made: Callable[[MapTires], BumpModel]
+) -> BumpModel:
+    """A model of runs that no search follows, about the paths of its wheels; the same over smooth bumps.
+
+    Parameters
+    ----------
+    log_parameters, motion : (p,) and the runs' own motions.
+    made : the model with other tires of its maps.
+    """
+    for _ in range(_ROUNDS):
+        tires = with_run_paths(model.felt.tires, model, log_parameters, motion)
+        if not tires.paths:
+            break
+        model = made(tires)
+    return model
 
 
 def with_run_paths(tires: MapTires, model: BumpModel, log_parameters: Parameters, motion: RunMotion) -> MapTires:
