@@ -1,18 +1,33 @@
-"""Results that show themselves as a table: ``summary()`` for analysis, ``_repr_html_`` for notebooks."""
+"""Results that show themselves as a table: ``summary()`` in SI units for analysis, shown in kN, mm and km/h."""
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from sysid.display import shown_unit
 
 if TYPE_CHECKING:
     import pandas as pd
 
+#: SI unit of columns that are known by the end of their names, before that of a quantile.
+_ENDINGS = {"N_s_per_m": "N s/m", "N_per_m": "N/m", "N": "N"}
+#: The same of whole names, of lengths of millimetres only, and what people read where that is not the unit of a damper.
+_COLUMNS = dict.fromkeys(("stiffness", "stiffness_sd"), "N/m") | dict.fromkeys(("damping", "damping_sd"), "N s/m")
+_COLUMNS |= dict.fromkeys(("friction_force", "friction_force_sd"), "N")
+_MILLIMETRES = ("height", "height_sd", "noise_rms", "tire_deflection", "jounce", "rebound", "extension")
+_COLUMNS |= {f"{name}_m": "m" for name in _MILLIMETRES} | {"speed_m_s": "m/s"}
+_SPEED = (3.6, "km/h")
+
 
 class Tabular(ABC):
     """A result with a table of its main numbers."""
+
+    #: Columns of the summary in the unit of their row.
+    _in_row_unit: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         """Keep dataclasses from printing all their arrays: they take a `__repr__` that is there."""
@@ -20,7 +35,8 @@ class Tabular(ABC):
         cls.__repr__ = Tabular.__repr__  # type: ignore[method-assign]
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}\n{self.summary().to_string(max_rows=12, line_width=120, index=False)}"
+        style: dict[str, Any] = {"max_rows": 12, "line_width": 120, "index": False, "na_rep": "-"}
+        return f"{type(self).__name__}\n{self.shown().to_string(float_format=_digits, **style)}"
 
     @abstractmethod
     def summary(self) -> pd.DataFrame:
@@ -30,8 +46,49 @@ class Tabular(ABC):
         """Everything that fits into one table, in SI units: more than the summary where there is more."""
         return self.summary()
 
+    def shown(self) -> pd.DataFrame:
+        """The summary as it is printed: in kN, mm and km/h, named in brackets or in the column ``unit``."""
+        table = self.summary()
+        units = self._row_units(table)
+        if units is not None:
+            known = [shown_unit(unit) for unit in units]
+            factors = [factor for factor, _ in known]
+            for column in self._in_row_unit:
+                table[column] = table[column].astype(float) * factors
+            if "unit" not in table:
+                table.insert(list(table.columns).index(self._in_row_unit[0]), "unit", "")
+            table["unit"] = [name for _, name in known]
+        for column in table.columns:
+            head, factor = _head(str(column))
+            if factor != 1.0 or head != column:
+                table[column] = table[column].astype(float) * factor
+        return table.rename(columns=lambda column: _head(str(column))[0])
+
+    def _row_units(self, table: pd.DataFrame) -> Sequence[str] | None:
+        """SI unit of every row of the summary; None where a row has several."""
+        return list(table["unit"]) if "unit" in table else None
+
     def _repr_html_(self) -> str:
-        return self.summary().to_html(float_format="{:.5g}".format, na_rep="", index=False)
+        return self.shown().to_html(float_format=_digits, na_rep="", index=False)
+
+
+def _head(column: str) -> tuple[str, float]:
+    """How a column is headed where it is shown, and the factor on its numbers."""
+    stem, quantile = re.fullmatch(r"(.*?)((?:_q\d\d)?)", column).groups()  # type: ignore[union-attr]
+    unit = _COLUMNS.get(stem)
+    if unit is None:
+        unit = next((u for end, u in _ENDINGS.items() if stem.endswith(f"_{end}")), None)
+    if unit is None:
+        return column, 1.0
+    factor, name = _SPEED if unit == "m/s" else shown_unit(unit)
+    stem = re.sub(r"_(N_s_per_m|N_per_m|N|m_s|m)$", "", stem)
+    return f"{stem}{quantile} [{name}]", factor
+
+
+def _digits(number: float) -> str:
+    """Five digits, without an exponent where there are fewer than seven before the point."""
+    text = f"{number:.5g}"
+    return f"{number:.0f}" if "e+0" in text and abs(number) < 1e7 else text
 
 
 def distinct(names: Iterable[str]) -> tuple[str, ...]:

@@ -107,3 +107,51 @@ def test_tables_of_drops_and_fit_hold_every_file_and_run():
     fit = found["fit"].to_pandas()
     assert len(fit) == len(found["fit"].parameters) + len(found["fit"].run_parameters)
     assert {"run", "law"} <= set(fit.columns)
+
+
+def test_what_is_shown_is_in_the_units_of_the_trade_and_the_summary_in_si():
+    found = every_result()
+    fit = found["fit"].shown().set_index("name")
+    assert dict(fit.loc["k_1", ["unit", "value", "sd", "prior_sd"]]) == {
+        "unit": "kN/m", "value": 420.0, "sd": 4.2, "prior_sd": 0.4
+    }  # fmt: skip
+    assert found["fit"].summary().set_index("name").loc["k_1", "value"] == 420e3
+    assert found["posterior"].shown().set_index("name").loc["c_1", "unit"] == "kN s/m"
+    draws = found["posterior"].to_pandas()["c_1"]
+    assert found["posterior"].shown().set_index("name").loc["c_1", "mean"] == pytest.approx(draws.mean() / 1e3)
+    drops = found["drops"].shown()
+    assert list(drops.loc[0, ["stiffness [kN/m]", "damping [kN s/m]", "damped_period"]]) == [300.0, 7.0, 0.6]
+    passed = found["pass"].shown()
+    assert list(passed["speed [km/h]"]) == pytest.approx([48.0, 48.0])
+    # 1.8 of 4000 kg and 3.6 of 3000 kg.
+    assert list(passed["peak_load_q50 [kN]"]) == pytest.approx([1.8 * 4 * 9.81, 3.6 * 3 * 9.81])
+    history = found["history"].shown()
+    assert list(history["unit"]) == ["mm", "mm", "m/s\u00b2"]
+    assert list(history["noise_sd"]) == pytest.approx([1.0, 1.0, 0.001])
+    assert found["scan"].shown()["height [mm]"][0] == pytest.approx(80.0)
+    assert found["quality"].shown()["noise_rms"][0] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_but_a_known_unit_changes_a_number(name):
+    """Every shown number is that of the summary times the factor of the unit that stands beside it."""
+    factors = {"kN/m": 1e-3, "kN s/m": 1e-3, "kN": 1e-3, "mm": 1e3, "km/h": 3.6}
+    result = every_result()[name]
+    summary, shown = result.summary(), result.shown()
+    kept = [c for c in shown if c != "unit"]
+    assert len(kept) == len([c for c in summary if c != "unit"])
+    for before, after in zip([c for c in summary if c != "unit"], kept, strict=True):
+        if not pd.api.types.is_numeric_dtype(shown[after]) or shown[after].dtype == bool:
+            continue
+        ratio = pd.to_numeric(shown[after]) / pd.to_numeric(summary[before])
+        of_column = after.rpartition("[")[2].rstrip("]") if "[" in after else None
+        of_rows = shown["unit"] if "unit" in shown and of_column is None else [of_column] * len(shown)
+        for r, unit in zip(ratio, of_rows, strict=True):
+            allowed = (factors[unit],) if of_column else (1.0, factors.get(unit, 1.0))
+            assert np.isnan(r) or any(r == pytest.approx(f) for f in allowed), (before, after, unit)
+
+
+def test_numbers_have_five_digits_and_no_exponent_where_it_hides_them():
+    text = repr(every_result()["results"])
+    assert "412.72" in text
+    assert "e+0" not in text

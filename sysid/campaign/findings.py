@@ -116,6 +116,11 @@ class QualityReport(Tabular):
             for s in self.speed_sensors
         )
 
+    _in_row_unit = ("rest_level", "noise_rms", "peak")
+
+    def _row_units(self, table: pd.DataFrame) -> list[str]:
+        return [channel.si_unit for channel in self.channels]
+
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""
         return records_table(

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sysid.display import CommandHint, TextTable
-from sysid.numbers import count, fixed
+from sysid.numbers import MISSING, count, fixed
 from sysid.results.headline import (
+    PeakLoad,
     answer_words,
     estimate_words,
     in_thousands,
+    largest_at_any_speed,
     largest_loads,
     loads_answer,
     suspension_rows,
@@ -70,20 +72,30 @@ def _loads(results: Results) -> Iterator[TextTable | str]:
     loads = largest_loads(results)
     if not loads:
         return
+    driven = largest_at_any_speed(results, as_driven=True)
+    if any(driven):
+        yield _load_table(results, "Axle loads as driven, the largest of every axle at any speed", driven)
     passes = 0 if results.predictions is None else len(results.predictions.passes)
     title = f"Axle loads in {count(passes, 'predicted pass', 'predicted passes')}, the largest of every axle"
+    yield _load_table(results, title, loads)
+    if any(load.beyond for load in loads):
+        yield "* beyond what the driven runs reached: an extrapolation."
+
+
+def _load_table(results: Results, title: str, loads: Sequence[PeakLoad | None]) -> TextTable:
     table = TextTable(title, ("axle", "static kN", "peak kN", "of static", "in"))
-    for load in loads:
+    for axle, load in enumerate(loads):
+        if load is None:
+            table.add_row(_axle(results.campaign, axle), *[MISSING] * 4)
+            continue
         table.add_row(
-            _axle(results.campaign, load.axle),
+            _axle(results.campaign, axle),
             fixed(load.static_N / 1e3, 1),
             in_thousands(load.peak_N, load.low_N, load.high_N) + ("*" if load.beyond else ""),
             f"{fixed(100.0 * load.ratio, 0)} %",
             load.pass_name,
         )
-    yield table
-    if any(load.beyond for load in loads):
-        yield "* beyond what the driven runs reached: an extrapolation."
+    return table
 
 
 def _command(results: Results) -> CommandHint:

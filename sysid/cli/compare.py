@@ -29,11 +29,14 @@ def run_compare(
     """Compare output folders, write page, figure and table, and return the exit code."""
 
     def do(screen: Console, errors: Console) -> int:
+        from sysid.cli.progress import StageProgress
         from sysid.comparison import compare
         from sysid.comparison.files import comparison_json, write_comparison
 
-        comparisons = compare(*folders, cancel=cancel, campaigns=campaigns)
-        written = write_comparison(comparisons, output)
+        with StageProgress(errors) as progress:
+            progress.stage("comparing")
+            comparisons = compare(*folders, cancel=cancel, campaigns=campaigns)
+            written = write_comparison(comparisons, output)
         if as_json:
             # Not by the console, which would fold long lines.
             click.echo(comparison_json(comparisons), nl=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
+import time
 from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
@@ -22,6 +23,7 @@ from sysid.cli.fleet_help import FLEET_HELP
 from sysid.cli.fleet_tables import MOST_ROWS, population_blocks, recalibration_blocks, status_blocks
 from sysid.cli.guarded import guarded
 from sysid.cli.invocation import command_line
+from sysid.cli.progress import SILENCE_S, StageProgress
 from sysid.cli.tables import render, show_command
 from sysid.errors import CampaignError, NotConvergedError
 from sysid.files import write_text
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
     from sysid.fleet.running import RunOptions
 
 DEFAULT_OUTPUT = "fleet_output"
+#: Running campaigns that are named in a line.
+MOST_RUNNING = 4
 _STATES = {"done": "green", "not converged": "yellow", "running": "cyan", "queued": "dim"}
 
 
@@ -106,7 +110,6 @@ def _read(path: Path, errors: Console) -> Fleet:
 
 def _computed(path: Path, output: Path, errors: Console, **options: bool) -> FleetResults:
     """Populations and loads of a fleet, with a progress bar."""
-    from sysid.cli.progress import StageProgress
     from sysid.fleet.results import compute
 
     with StageProgress(errors) as progress:
@@ -137,7 +140,7 @@ def run(
     send_files: bool,
     **choices: Any,
 ) -> int:
-    """Calibrate every campaign into its own folder, several at a time; what is finished is not computed again."""
+    """Calibrate every campaign into its own folder. Several at a time; what is finished is not computed again."""
     from sysid.fleet.running import exit_code, run_fleet
     from sysid.fleet.status import write_status
 
@@ -149,16 +152,19 @@ def run(
         files = write_status(rows, output)
     render(screen, status_blocks(rows))
     if not only:
-        screen.print(f"Table of all campaigns: {files[1]}", markup=False)
+        screen.print(f"Table of all campaigns: {files[1]}", markup=False, soft_wrap=True)
     return exit_code(rows)
 
 
 class StatusView:
-    """The table while the fleet runs: live on a terminal, elsewhere a line for every campaign that ends."""
+    """The table while the fleet runs: live on a terminal, elsewhere a line for every campaign that ends, and one where
+    none has come for a while.
+    """
 
     def __init__(self, errors: Console, output: Path):
         self._errors, self._output = errors, output
         self._said: set[str] = set()
+        self._begin = self._spoke = time.monotonic()
         self._live = Live(console=errors, refresh_per_second=2, transient=True) if errors.is_terminal else None
 
     def __enter__(self) -> StatusView:
@@ -172,6 +178,8 @@ class StatusView:
 
     def show(self, rows: Sequence[Any]) -> None:
         """Show how far the campaigns are."""
+        from sysid.fleet.status import stage_of
+
         if self._live is not None:
             self._live.update(self._table(rows))
             return
@@ -180,7 +188,15 @@ class StatusView:
             if row.campaign not in self._said:
                 self._said.add(row.campaign)
                 why = f": {row.outcome.sentence}" if row.outcome.sentence else f", {row.outcome.seconds:.0f} s"
-                self._errors.print(f"{len(self._said)}/{len(rows)} {row.campaign}: {row.state}{why}", markup=False)
+                self._print(f"{len(self._said)}/{len(rows)} {row.campaign}: {row.state}{why}")
+        now = time.monotonic()
+        if now - self._spoke >= SILENCE_S:
+            running = [f"{r.campaign}, {stage_of(self._output, r.campaign)}" for r in rows if r.state == "running"]
+            self._print(f"{now - self._begin:.0f} s: {'; '.join(running[:MOST_RUNNING]) or 'waiting'} ...")
+
+    def _print(self, words: str) -> None:
+        self._spoke = time.monotonic()
+        self._errors.print(words, markup=False)
 
     def _table(self, rows: Sequence[Any]) -> Table:
         from sysid.fleet.status import stage_of, state_counts
@@ -233,7 +249,7 @@ def _write_fleet_file(folder: Path, force: bool) -> tuple[Path, list[str]]:
 @_output_option
 @_command
 def status(screen: Console, errors: Console, path: Path, output: Path) -> int:
-    """What has become of every campaign, without computing anything."""
+    """What has become of every campaign; nothing is computed."""
     from sysid.fleet.status import rows_on_disk
 
     render(screen, status_blocks(list(rows_on_disk(_read(path, errors), output))))
@@ -246,7 +262,7 @@ def status(screen: Console, errors: Console, path: Path, output: Path) -> int:
 @calibration_options
 @_command
 def jobs(screen: Console, errors: Console, path: Path, output: Path, **choices: Any) -> int:
-    """One command per campaign, a line each, for another scheduler (Slurm arrays, Snakemake, GNU parallel)."""
+    """One command per campaign, a line each. For Slurm arrays, Snakemake, GNU parallel."""
     from sysid.fleet.key import typed_options
 
     words = [sys.executable, os.path.abspath(sys.argv[0]), "fleet", "run", str(path.resolve())]
@@ -265,10 +281,10 @@ def jobs(screen: Console, errors: Console, path: Path, output: Path, **choices: 
 @_doubtful_option
 @_command
 def population(screen: Console, errors: Console, path: Path, output: Path, with_doubtful: bool) -> int:
-    """Mean and spread of every type, trucks drawn towards them, outliers; needs three trucks with results."""
+    """Mean and spread of every type of truck, and outliers. It needs three trucks with results."""
     results = _computed(path, output, errors, with_doubtful=with_doubtful)
     render(screen, population_blocks(results.populations, results.loads, results.remarks))
-    screen.print(f"All numbers: {results.file}", markup=False)
+    screen.print(f"All numbers: {results.file}", markup=False, soft_wrap=True)
     return 0 if all(p.converged for p in results.populations) else NotConvergedError.exit_code
 
 
@@ -290,7 +306,7 @@ def recalibrate(
     send_files: bool,
     with_doubtful: bool,
 ) -> int:
-    """Sample campaigns once more, under the population, whose draws do not reach where it puts their trucks."""
+    """Sample campaigns anew whose draws miss their population. They are sampled under the population."""
     from sysid.fleet.running import exit_code, recalibrate
 
     options = _run_options(workers, scheduler, send_files)
@@ -303,7 +319,7 @@ def recalibrate(
         rows = recalibrate(before.fleet, output, priors, options, view.show)
     after = _computed(path, output, errors, with_doubtful=with_doubtful)
     render(screen, recalibration_blocks(rows, before.populations, after.populations))
-    screen.print(f"All numbers: {after.file}", markup=False)
+    screen.print(f"All numbers: {after.file}", markup=False, soft_wrap=True)
     return exit_code(rows)
 
 
@@ -312,10 +328,13 @@ def recalibrate(
 @_output_option
 @_command
 def index(screen: Console, errors: Console, path: Path, output: Path) -> int:
-    """Parquet tables of all campaigns, for queries by DuckDB or pandas; needs truck-sysid[parquet]."""
+    """Parquet tables of all campaigns. For queries by DuckDB or pandas; needs truck-sysid[parquet]."""
     from sysid.fleet.index import write_index
 
-    screen.print(str(write_index(_read(path, errors), output)), markup=False)
+    with StageProgress(errors) as progress:
+        progress.stage("tables")
+        written = write_index(_read(path, errors), output)
+    screen.print(str(written), markup=False, soft_wrap=True)
     return 0
 
 
@@ -325,11 +344,13 @@ def index(screen: Console, errors: Console, path: Path, output: Path) -> int:
 @_doubtful_option
 @_command
 def report(screen: Console, errors: Console, path: Path, output: Path, with_doubtful: bool) -> int:
-    """One page of all trucks: map by k and c, shrinkage, outliers, axle loads, quality; links to all reports."""
+    """One page of all trucks, with links to their reports. Map by k and c, shrinkage, outliers, axle loads, quality."""
     from sysid.fleet.page import write_fleet_page
     from sysid.fleet.status import rows_on_disk
 
     results = _computed(path, output, errors, with_doubtful=with_doubtful, without_population=True)
-    rows = list(rows_on_disk(results.fleet, output))
-    screen.print(str(write_fleet_page(results, rows, output)), markup=False)
+    with StageProgress(errors) as progress:
+        progress.stage("page")
+        page = write_fleet_page(results, list(rows_on_disk(results.fleet, output)), output)
+    screen.print(str(page), markup=False, soft_wrap=True)
     return 0

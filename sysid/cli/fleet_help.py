@@ -1,6 +1,6 @@
 """The help of `fleet`, apart from its commands: the help of all commands is shown without loading them."""
 
-FLEET_HELP = """Many campaigns side by side: calibrate them, and see what they say together.
+FLEET_HELP = """Many campaigns side by side, and what they say together.
 
 'fleet FLEET' is short for 'fleet run FLEET'; FLEET is a fleet.toml or a folder of campaigns.
 

@@ -123,7 +123,7 @@ def _add(name: str, text: str, options: Sequence[Option] = ()) -> None:
 )
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 def init(folder: Path, vehicle: str | None, output: Path | None, force: bool) -> None:
-    """Begin a campaign: look at the logs and scans in FOLDER and write a campaign file to complete."""
+    """Write a first campaign file from the logs and scans in FOLDER. Its comments say what to complete."""
     from sysid.cli.init import run_init
 
     sys.exit(run_init(folder, vehicle, output, force))
@@ -134,7 +134,8 @@ for _record in RECORDS:
         _add(_record.name, _record.command.help, _record.command.options)
 _add(
     "run",
-    "All stages in order, except profile, selftest and validate --leave-out; with --quick without advise.",
+    "All stages in order, from check to report.html. Without profile, selftest and validate --leave-out; with --quick "
+    "also without advise.",
 )
 
 
@@ -145,7 +146,7 @@ _add(
 )
 @click.option("--seed", default=0, show_default=True, help="Seed of everything random.", type=click.IntRange(0))
 def selftest(campaign: Path, replicates: int, seed: int) -> None:
-    """What the campaign would teach: simulate its runs with known k and c, calibrate them, compare; writes nothing."""
+    """What these runs would teach: simulated, calibrated, compared. Their k and c are known; nothing is written."""
     from sysid.cli.selftest import run_selftest
 
     sys.exit(run_selftest(campaign, replicates, seed))
@@ -186,7 +187,7 @@ def selftest(campaign: Path, replicates: int, seed: int) -> None:
               help="Port of the page (default: one that is free).")  # fmt: skip
 @click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
 def watch(folder: Path, no_fit: bool, **choices: Any) -> None:
-    """A test day: check every log that lands in FOLDER; say what is known of k and c, what comes next, when to stop."""
+    """A test day: every log checked as it lands, k and c so far. It says what comes next, and when to stop."""
     from sysid.cli.watch import WatchChoices, run_watch
 
     sys.exit(run_watch(folder, WatchChoices(estimates=not no_fit, **choices)))
@@ -211,7 +212,7 @@ def compare(
     nothing_shared: bool,
     opens: bool,
 ) -> None:
-    """Did it change? Differences of finished campaigns (output folders) from the first, shared errors cancelled."""
+    """Did it change? Finished campaigns beside the first of them. Output folders; shared errors are cancelled."""
     from sysid.cli.compare import run_compare
 
     sys.exit(run_compare(folders, output, as_json, not nothing_shared, opens, campaigns))
@@ -223,7 +224,7 @@ cli.add_command(LaterGroup("sysid.cli.fleet", "fleet", FLEET_HELP))
 @cli.command("formats")
 @click.argument("files", nargs=-1, type=click.Path(path_type=Path), metavar="[FILE]...")
 def formats(files: tuple[Path, ...]) -> None:
-    """Formats of logs that can be read here and what is missing, or format and channels of each FILE."""
+    """Formats of logs that can be read here, or what FILE holds. Also which packages are missing."""
     from sysid.cli.formats import run_formats
 
     sys.exit(run_formats(files))

@@ -46,14 +46,16 @@ def _check_logs(
 ) -> int:
     from sysid.campaign.quality.check import check_quality
     from sysid.campaign.read import read_campaign
+    from sysid.cli.progress import StageProgress
     from sysid.cli.tables import render, show_command
     from sysid.workflow.stages.data import quality_blocks
 
     say = partial(tell, errors, "check")
     code = CampaignError.exit_code
     try:
-        read = read_campaign(campaign, unfinished=True)
-        report = check_quality(read)[1]
+        with StageProgress(errors) as progress:
+            progress.stage("reading campaign and logs")
+            report = check_quality(read_campaign(campaign, unfinished=True))[1]
         render(screen, quality_blocks(report))
     except SysidError as error:
         say(f"the rest cannot be checked yet: {error}")

@@ -65,7 +65,7 @@ def run_watch(folder: Path, choices: WatchChoices) -> int:
         day = TestDay(folder, choices.output, choices.campaign, rule, choices.estimates, begin=choices.begin)
         with FolderLock(day.output), writing_to(day.output), _page(day, choices, errors) as show:
             try:
-                for report in _once(day) if choices.once else _for_ever(day, choices.every_s):
+                for report in _once(day, errors) if choices.once else _for_ever(day, choices.every_s):
                     show(report)
                     if report is None:
                         continue
@@ -123,19 +123,24 @@ def _rule(choices: WatchChoices) -> StopRule:
     return StopRule(choices.stiffness_percent / 100.0, choices.damping_percent / 100.0)
 
 
-def _once(day: TestDay) -> Iterator[DayReport]:
+def _once(day: TestDay, errors: Console) -> Iterator[DayReport]:
     """One report of all that is there, when nothing grows or is computed any more."""
+    from sysid.cli.progress import StageProgress
+
     last: DayReport | None = None
     remarks: list[str] = []
     begun = time.monotonic()
-    while True:
-        report = day.look()
-        if report is not None:
-            last = report
-            remarks += report.remarks
-        if not day.computing and (not day.growing or time.monotonic() - begun > _GROWING_S):
-            break
-        time.sleep(_SOON_S)
+    with StageProgress(errors) as progress:
+        progress.stage("reading logs")
+        while True:
+            report = day.look()
+            if report is not None:
+                last = report
+                remarks += report.remarks
+            if not day.computing and (not day.growing or time.monotonic() - begun > _GROWING_S):
+                break
+            progress.stage(last.computing if last is not None and day.computing else "waiting for logs that grow")
+            time.sleep(_SOON_S)
     if last is not None:
         yield replace(last, new=last.logs, remarks=tuple(remarks), growing=day.growing)
 

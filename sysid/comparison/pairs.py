@@ -33,6 +33,8 @@ class Comparisons(Tabular):
         """Whether anything has changed in any of them."""
         return any(pair.changed for pair in self.pairs)
 
+    _in_row_unit = Comparison._in_row_unit
+
     def summary(self) -> pd.DataFrame:
         """One row per pair and quantity, SI."""
         import pandas as pd

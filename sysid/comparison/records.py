@@ -138,6 +138,8 @@ class Comparison(Tabular):
                 return d
         raise KeyError(f"the comparison has no '{name}'; use one of {', '.join(d.name for d in self.differences)}")
 
+    _in_row_unit = tuple(f"{side}_{q}" for side in ("first", "second") for q in ("q50", "q05", "q95"))
+
     def summary(self) -> pd.DataFrame:
         """One row per quantity, SI."""
         import pandas as pd

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
+from sysid.cell_progress import watched_cell
 from sysid.errors import DataRejectedError
 from sysid.fleet.assembly import populations
 from sysid.fleet.loads import PopulationLoad, population_loads
@@ -39,6 +41,7 @@ def compute(
 
     Parameters
     ----------
+    progress : callback (message, fraction); without one a notebook shows a line below its cell.
     with_doubtful : take campaigns too on whose numbers nobody should bet.
     without_population : give results also where no type has enough trucks: remarks say why.
 
@@ -56,7 +59,8 @@ def compute(
     of_types = {
         kind: members(fleet, output, kind, with_doubtful) for kind in dict.fromkeys(t.type for t in fleet.trucks)
     }
-    by_type, said = populations(of_types.values(), fleet.shared, progress=progress)
+    with watched_cell(["population"]) if progress is None else nullcontext(progress) as said_to:
+        by_type, said = populations(of_types.values(), fleet.shared, progress=said_to)
     if not by_type and not without_population:
         raise DataRejectedError(" ".join(said[:3]) or "The fleet has no campaign with results; run it first.")
     remarks = [*fleet.messages, *said]

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sysid.cell_progress import watched_cell
 from sysid.errors import CampaignError, NotConvergedError, OutputError
 from sysid.files import keep_inside
 from sysid.fleet.executors import cluster_executor, local_executor
@@ -22,6 +23,8 @@ from sysid.fleet.records import Fleet
 from sysid.fleet.sent_files import SendingExecutor
 from sysid.fleet.task import Task, run_task
 from sysid.folder_lock import FolderLock
+from sysid.numbers import count, listing
+from sysid.progress import Progress
 from sysid.threads import thread_count, threads_per_worker
 from sysid.wording import finish, nearest, shorten
 
@@ -133,8 +136,12 @@ def worker_count(wanted: int | None, campaigns: int) -> int:
     return max(1, min(wanted, campaigns))
 
 
-def run_fleet(fleet: Fleet, output: Path, options: RunOptions, watch: Watch) -> list[Row]:
+def run_fleet(fleet: Fleet, output: Path, options: RunOptions, watch: Watch | None = None) -> list[Row]:
     """Calibrate every campaign of a fleet into ``campaigns/NAME`` below `output`, and return what became of each.
+
+    Parameters
+    ----------
+    watch : callback for the rows of all campaigns; without one a notebook shows a line below its cell.
 
     Raises
     ------
@@ -145,8 +152,16 @@ def run_fleet(fleet: Fleet, output: Path, options: RunOptions, watch: Watch) -> 
     """
     fleet = with_campaigns(fleet, options.only)
     # Single campaigns may be run side by side by somebody else's scheduler: each has the lock of its own folder.
-    with nullcontext() if options.only else FolderLock(output):
-        return _run_tasks(fleet, partial(tasks, fleet, output, options), options, watch)
+    with nullcontext() if options.only else FolderLock(output), watched_cell([count(fleet.count, "campaign")]) as line:
+        seen = watch or (lambda rows: _say(rows, line))
+        return _run_tasks(fleet, partial(tasks, fleet, output, options), options, seen)
+
+
+def _say(rows: list[Row], line: Progress) -> None:
+    """How many campaigns have ended, and which are running."""
+    ended = sum(row.outcome is not None for row in rows)
+    running = listing([row.campaign for row in rows if row.state == "running"], 4)
+    line(f"{ended} of {count(len(rows), 'campaign')}" + (f", running {running}" if running else ""), ended / len(rows))
 
 
 def recalibrate(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.arrays import EnsemblesByStepsByWalkers, Parameters, WalkerDraws
+from sysid.estimation.parameters.units import parameter_unit
 from sysid.tabular import Tabular, records_table
 from sysid.wording import finish, nearest, shorten
 
@@ -74,6 +75,11 @@ class Posterior(Tabular):
             if s.name == name:
                 return s
         raise KeyError(finish(f"the posterior has no parameter '{shorten(name)}'; {nearest(name, self.names)}"))
+
+    _in_row_unit = ("mean", "sd", "q05", "q50", "q95")
+
+    def _row_units(self, table: pd.DataFrame) -> list[str]:
+        return [parameter_unit(name) for name in table["name"]]
 
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""

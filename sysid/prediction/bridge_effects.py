@@ -89,6 +89,8 @@ class BridgeLoads(Tabular):
     frequency_hz: np.ndarray
     rounds: int
 
+    _in_row_unit = tuple(f"{name}_{q}" for name in ("static", "rolling", "dynamic") for q in ("q05", "q50", "q95"))
+
     def summary(self) -> pd.DataFrame:
         """One row per load effect and sense, in SI units."""
         import pandas as pd

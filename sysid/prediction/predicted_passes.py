@@ -160,7 +160,7 @@ class PassPrediction(Tabular):
         return Quantiles(self.tire_force_q05_N, self.tire_force_q50_N, self.tire_force_q95_N)
 
     def summary(self) -> pd.DataFrame:
-        """Peak dynamic load ratio of every axle."""
+        """Peak load [N] and dynamic load ratio of every axle."""
         return Predictions((self,), "").summary()
 
     def to_pandas(self) -> pd.DataFrame:
@@ -246,21 +246,22 @@ class Predictions(Tabular):
     sweeps: tuple[SpeedSweep, ...] = ()
 
     def summary(self) -> pd.DataFrame:
-        """Peak dynamic load ratio of every axle and pass."""
+        """Peak load [N] and dynamic load ratio of every axle and pass."""
         import pandas as pd
 
         rows = []
         for p in self.passes:
-            for i in range(len(p.static_load_N)):
+            ratios = {"q05": p.peak_ratio_q05, "q50": p.peak_ratio_q50, "q95": p.peak_ratio_q95}
+            for i, static_N in enumerate(p.static_load_N):
+                of_axle = {q: None if ratio is None else ratio[i] for q, ratio in ratios.items()}
                 rows.append(
                     {
                         "load_case": p.load_case,
                         "speed_m_s": p.speed_m_s,
                         "axle": i + 1,
-                        "static_load_N": p.static_load_N[i],
-                        "peak_ratio_q05": None if p.peak_ratio_q05 is None else p.peak_ratio_q05[i],
-                        "peak_ratio_q50": p.peak_ratio_q50[i],
-                        "peak_ratio_q95": None if p.peak_ratio_q95 is None else p.peak_ratio_q95[i],
+                        "static_load_N": static_N,
+                        **{f"peak_load_N_{q}": None if r is None else r * static_N for q, r in of_axle.items()},
+                        **{f"peak_ratio_{q}": r for q, r in of_axle.items()},
                         "lift_off": bool(p.lift_off[i]),
                         "load_coefficient_q50": None if p.load_coefficient is None else p.load_coefficient.q50[i],
                         "lift_off_s_q50": None if p.lift_off_s is None else p.lift_off_s.q50[i],

@@ -97,13 +97,13 @@ def _answer(results: Results, gallery: figures.Gallery) -> dict[str, Any]:
 
 
 def _subject(results: Results) -> list[str]:
-    """Vehicle, date, place and operator of the test, inputs and program: what a reader files it under."""
+    """Vehicle, date, place and operator of the test, day of the calibration, inputs, program: what to file it under."""
     details = results.campaign.details
     said = [results.campaign.vehicle.name, details.vehicle_id, details.date, details.place, details.operator]
     files = "".join(f"{name} {digest}\n" for name, digest in sorted(results.input_sha256.items()))
     mark = hashlib.sha256(files.encode("utf-8")).hexdigest()[:12]
-    program = results.provenance.get("versions", {}).get("sysid")
-    marks = [f"inputs {mark}"] * bool(files) + [f"sysid {program}"] * bool(program)
+    program, day = results.provenance.get("versions", {}).get("sysid"), str(results.provenance.get("date") or "")[:10]
+    marks = [f"calibrated {day}"] * bool(day) + [f"inputs {mark}"] * bool(files) + [f"sysid {program}"] * bool(program)
     return [*(text for text in said if text), *marks]
 
 

@@ -122,6 +122,11 @@ class Results(Tabular):
         if self.status not in STATUSES:
             raise ValueError(f"status is {self.status!r}; expected one of {', '.join(STATUSES)}")
 
+    _in_row_unit = (
+        *("least_squares_value", "least_squares_sd", "posterior_mean", "posterior_sd"),
+        *("posterior_q05", "posterior_q50", "posterior_q95"),
+    )
+
     def summary(self) -> pd.DataFrame:
         """One row per parameter: least squares and posterior, the columns of parameters.csv."""
         import io

@@ -12,7 +12,7 @@ from sysid.errors import CampaignError
 from sysid.files import write_text
 from sysid.helper_process import helped_by
 from sysid.output_folder import output_folder
-from sysid.progress import Progress, unwatched
+from sysid.progress import Progress
 from sysid.results.contents import Results
 from sysid.runtime import configure
 from sysid.threads import one_blas_thread
@@ -62,7 +62,7 @@ class Calibration:
     output : folder for everything that is written; made if it does not exist.
     settings : options of the stages.
     quick : a preview with few iterations and a short chain, in place of settings.
-    progress : callback (message, fraction of what runs).
+    progress : callback (message, fraction of what runs); without one a notebook shows a line below its cell.
     notice : callback for what the user should know about a stored chain.
     resume : continue an interrupted chain, and keep stages whose inputs have not changed even in :meth:`run`.
 
@@ -95,7 +95,7 @@ class Calibration:
         self.settings = settings or make_settings(quick=quick)
         self.output = output_folder(output)
         self._inputs = Inputs(campaign)
-        self._steps = Steps(progress or unwatched)
+        self._steps = Steps(progress)
         self._folder = StageFolder(self.output, self.settings, self._inputs.read)
         self._runner = Runner(self._inputs, self.settings, self._folder, self._steps, notice, resume)
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
-from sysid.progress import Progress
+from sysid.cell_progress import watched_cell
+from sysid.progress import Progress, unwatched
 
 
 class Steps:
@@ -17,11 +18,11 @@ class Steps:
 
     Parameters
     ----------
-    report : callback (message, fraction of everything planned).
+    report : callback (message, fraction of everything planned); without one a notebook shows a line below its cell.
     """
 
-    def __init__(self, report: Progress):
-        self._report = report
+    def __init__(self, report: Progress | None = None):
+        self._given, self._report = report, report or unwatched
         self._plan: dict[str, float] = {}
         self._done: set[str] = set()
         self._step = ""
@@ -37,10 +38,11 @@ class Steps:
             yield
             return
         self._plan, self._done, self._reached = dict(efforts), set(), 0.0
-        try:
-            yield
-        finally:
-            self._plan = {}
+        with watched_cell(list(efforts)) if self._given is None else nullcontext(self._given) as self._report:
+            try:
+                yield
+            finally:
+                self._plan = {}
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:

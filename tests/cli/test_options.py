@@ -59,6 +59,13 @@ def test_the_readme_and_the_help_name_every_stage() -> None:
         assert re.search(rf"^python calibrate.py {stage} ", README, re.MULTILINE), stage
 
 
+@pytest.mark.parametrize("words", [["--help"], ["fleet", "--help"]], ids=lambda w: w[0])
+def test_the_list_of_commands_cuts_no_sentence_at_80_columns(words: list[str]) -> None:
+    listed = CliRunner().invoke(cli, words, terminal_width=80).output.split("Commands:")[1].splitlines()[1:]
+    assert len(listed) >= 8
+    assert [line for line in listed if not line.endswith(".") or line.endswith("...") or len(line) > 80] == []
+
+
 @pytest.mark.parametrize("text", [README, CliRunner().invoke(cli, ["--help"]).output], ids=["README", "help"])
 def test_every_exit_code_is_named(text: str) -> None:
     (codes,) = re.findall(r"Exit codes: (.*?)\.\s", text, re.DOTALL)

@@ -22,10 +22,11 @@ from small_results import small_results
 from sysid.cli import invocation
 from sysid.cli.answer import show_run
 from sysid.cli.main import cli
-from sysid.cli.progress import StageProgress, TimeLeft, time_words
+from sysid.cli.progress import StageProgress
 from sysid.cli.tables import render, short_names, show_command
 from sysid.display import TextTable
 from sysid.prediction.quantiles import Quantiles
+from sysid.progress import TimeLeft, time_words
 from sysid.report.verdict import verdict
 from sysid.results import Results
 from sysid.workflow.stages.data import quality_blocks
@@ -147,7 +148,7 @@ def test_piped_progress_is_a_line_per_stage_and_never_falls_back() -> None:
 
 
 def test_piped_progress_breaks_a_long_silence(monkeypatch) -> None:
-    monkeypatch.setattr("sysid.cli.progress._SILENCE_S", 0.2)
+    monkeypatch.setattr("sysid.cli.progress.SILENCE_S", 0.2)
     stream = io.StringIO()
     with StageProgress(Console(file=stream, width=200)) as progress:
         progress.update("1 of 2 fit: searching", 0.2)
@@ -168,7 +169,7 @@ def test_the_answer_has_k_c_peak_load_verdict_report_and_next_command() -> None:
     p = results.predictions.passes
     for axle, static in enumerate(p[0].static_load_N):
         peak = max(float(q.peak_ratio_q50[axle]) * float(q.static_load_N[axle]) for q in p)
-        (line,) = [x for x in text.split("the largest of every axle")[1].splitlines() if x.startswith(f"{axle + 1} ")]
+        (line,) = [x for x in text.split("predicted pass")[1].splitlines() if x.startswith(f"{axle + 1} ")]
         assert f"{static / 1e3:.1f}" in line
         number = re.search(r"([\d.]+) ±", line)
         assert number is not None
@@ -191,6 +192,10 @@ def test_the_answer_has_k_c_peak_load_verdict_report_and_next_command() -> None:
     within = re.search(r"within\s+the\s+driven\s+runs:\s+([\d.]+)\s+(?:±\s+[\d.]+\s+)?kN\s+on\s+axle\s+2", text)
     assert within is not None
     assert float(within[1]) == pytest.approx(kilonewton, abs=0.5)
+    of_driven = text.split("Axle loads as driven")[1].split("predicted pass")[0]
+    (line,) = [x for x in of_driven.splitlines() if x.startswith("2 ")]
+    assert float(re.findall(r"[\d.]+", line.split("axle", 1)[1])[1]) == pytest.approx(kilonewton, abs=0.5)
+    assert "*" not in of_driven
     (sweep,) = results.predictions.sweeps
     flat = replace(sweep, peak_ratio=Quantiles(None, np.ones_like(sweep.peak_ratio.q50), None))
     changed = answer(replace(results, predictions=replace(results.predictions, sweeps=(flat,))))

@@ -84,6 +84,22 @@ def test_on_a_terminal_the_table_is_live(tmp_path: Path) -> None:
     assert "[b]" in text
 
 
+def test_piped_a_line_comes_while_no_campaign_ends(tmp_path: Path, monkeypatch) -> None:
+    place = tmp_path / "campaigns" / "a"
+    place.mkdir(parents=True)
+    (place / "fleet_progress.json").write_text('{"stage": "4 of 8 fit: least squares", "fraction": 0.5}')
+    rows = [Row("T1", "t", "a", "", "running"), Row("T2", "t", "b", "", "queued")]
+    clock = [0.0]
+    monkeypatch.setattr(command.time, "monotonic", lambda: clock[0])
+    stream = io.StringIO()
+    with command.StatusView(Console(file=stream, width=200), tmp_path) as view:
+        for second in range(12):
+            clock[0] = float(second)
+            view.show(rows)
+    said = [f"{at} s: a, 4 of 8 fit: least squares (50 %) ..." for at in (5, 10)]
+    assert stream.getvalue().splitlines() == said
+
+
 @pytest.mark.usefixtures("quick_sampling")
 def test_population_and_report_and_index(fleet_folders: tuple[Path, Path]) -> None:
     folder, output = map(str, fleet_folders)

@@ -17,6 +17,7 @@ from sysid import plot
 from sysid.report import render_report, write_report
 from sysid.report.figures import Gallery
 from sysid.report.first_screen import truck_rows, worst_picture
+from sysid.report.page import _subject
 from sysid.results.headline import largest_at_any_speed, largest_loads
 
 VOID = {"meta", "br", "link", "img", "input", "hr"}
@@ -169,6 +170,13 @@ def test_first_screen_gives_verdict_next_step_and_values_with_interval_and_unit(
     assert "k [kN/m]" in text
     assert "90 % credible interval" in text
     assert text.count("one remark") == 1
+
+
+def test_the_head_names_the_day_of_the_calibration_where_it_is_known():
+    results = small_results()
+    dated = replace(results, provenance={**results.provenance, "date": "2026-03-04T05:06:07+00:00"})
+    assert "calibrated 2026-03-04" in _subject(dated)
+    assert not [text for text in _subject(results) if "calibrated" in text]
 
 
 def test_the_truck_carries_k_c_static_and_peak_load_of_every_axle(full_text):

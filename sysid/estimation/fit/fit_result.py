@@ -207,6 +207,8 @@ class FitResult(Tabular):
                 return p
         raise KeyError(finish(f"the fit has no parameter '{shorten(name)}'; {nearest(name, self.names)}"))
 
+    _in_row_unit = ParameterEstimates._in_row_unit
+
     def summary(self) -> pd.DataFrame:
         """One row per entry, in SI units."""
         return self.parameters.summary()

@@ -62,6 +62,11 @@ class ProfileLikelihood(Tabular):
     covariance_interval: tuple[float, float]
     message: str
 
+    _in_row_unit = ("value",)
+
+    def _row_units(self, table: pd.DataFrame) -> list[str]:
+        return [self.unit] * len(table)
+
     def summary(self) -> pd.DataFrame:
         """One row per value."""
         import pandas as pd

@@ -55,6 +55,7 @@ class ParameterEstimates(tuple[ParameterEstimate, ...], Tabular):
     """Estimates one behind the other, which show themselves as a table."""
 
     __slots__ = ()
+    _in_row_unit = ("value", "sd", "start", "prior_median")
 
     def summary(self) -> pd.DataFrame:
         """One row per parameter, in SI units."""

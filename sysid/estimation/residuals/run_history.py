@@ -85,6 +85,8 @@ class RunHistory(Tabular):
         """Where 90 % of new readings of the same pass are expected: posterior and residual scatter together."""
         return None if self.band is None else self.band.with_scatter(self.noise_sd)
 
+    _in_row_unit = ("noise_sd", "instrument_noise_sd", "rolling_noise_sd", "offset")
+
     def summary(self) -> pd.DataFrame:
         """One row per channel: residual and instrument noise, sensor offset and gain."""
         import pandas as pd

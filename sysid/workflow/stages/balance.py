@@ -102,8 +102,7 @@ BALANCE = Whole(
     in_run="always",
     effort=2.0,
     command=Command(
-        help="Stiffness and damping of every axle, and axle loads of road drives, from the balance of forces on the "
-        "bodies, whatever the road was.",
+        help="k, c and axle loads from the bodies alone, whatever the road.",
         show=show_balance,
         fault=_fault,
         next=("run",),

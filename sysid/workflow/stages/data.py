@@ -175,7 +175,7 @@ CHECK = Whole(
     in_run="always",
     effort=2.0,
     command=Command(
-        help="Quality of every log and channel: rate, gaps, clipping, wrong units, flipped signs.",
+        help="Quality of every log and channel. Rate, gaps, clipping, wrong units, flipped signs.",
         show=show_check,
         fault=_check_fault,
         next=("run",),
@@ -254,7 +254,7 @@ DROPS = Whole(
     helper=("sysid.sdof.analysis",),
     discard=_without_readings,
     command=Command(
-        help="Stiffness and damping of every axle from its plank drops, equations (1)-(3) and corrections.",
+        help="k and c of every axle from its plank drops. Equations (1)-(3) and corrections.",
         show=show_drops,
         next=("run",),
     ),

@@ -48,7 +48,7 @@ REPORT = Ending(
     # Agreement is computed with the results that the report is made from.
     helper=("sysid.validation.agreement", "sysid.report.paper_figures"),
     command=Command(
-        help="Write report.html from the stages that have run; with --summary one page to sign as summary.pdf.",
+        help="Write report.html from the stages that have run. With --summary one page to sign, summary.pdf.",
         show=show_report,
         recalls=True,
         options=(Option("--summary", "Write one page to print and sign, summary.pdf, instead.", "summary", kind=bool),),
@@ -107,8 +107,8 @@ EXPORT = Ending(
     write=_export,
     effort=5.0,
     command=Command(
-        help="Write result.json, tables, posterior.nc and files for LS-DYNA, Chrono and bridge codes from finished "
-        "stages.",
+        help="Write result.json, tables and files for other programs. For LS-DYNA, Chrono and bridge codes; the "
+        "draws as posterior.nc.",
         show=show_export,
         recalls=True,
     ),

@@ -152,7 +152,7 @@ FIT = Whole(
     in_run="always",
     effort=80.0,
     command=Command(
-        help="Least-squares calibration of the vehicle model against all bump runs.",
+        help="Least-squares fit of the vehicle model to all bump runs.",
         show=show_fit,
         next=("sample",),
         fault=lambda kept: None if kept.fit.converged else NotConvergedError,
@@ -254,7 +254,7 @@ VALIDATE = Whole(
     in_file=False,
     put=lambda results, validation: replace(results, validation=validation),
     command=Command(
-        help="Agreement with the measured histories; with --leave-out also of runs that the fit has not seen.",
+        help="Agreement with the measured histories. With --leave-out also of runs that the fit has not seen.",
         show=show_validate,
         refuse=_refuse_runs,
         recalls=True,
@@ -327,7 +327,7 @@ PROFILE = Itemwise(
     put=lambda results, profiles: replace(results, profiles=tuple(profiles.values())),
     effort=120.0,
     command=Command(
-        help="Profile of the deviance of chosen parameters, all others optimised anew.",
+        help="Deviance over chosen parameters, all others optimised anew.",
         show=show_profile,
         refuse=_refuse_parameters,
         recalls=True,
