@@ -70,13 +70,24 @@ def write(
     return digest
 
 
+def digest_of(path: Path) -> str | None:
+    """The digest of a file's content; None where there is no file, or it is damaged."""
+    content = read_bytes(path, limits.STAGE_BYTES)
+    return None if content is None else _digest_in(content)
+
+
+def _digest_in(content: bytes) -> str | None:
+    if len(content) <= _DIGEST:
+        return None
+    digest = hashlib.sha256(memoryview(content)[:-_DIGEST]).hexdigest()
+    return digest if content[-_DIGEST:] == digest.encode() else None
+
+
 def read(path: Path) -> Content | None:
     """What :func:`write` left in a file; None where there is none, it is damaged, or it is no such file."""
     content = read_bytes(path, limits.STAGE_BYTES)
-    if content is None or len(content) <= _DIGEST:
-        return None
-    digest = hashlib.sha256(memoryview(content)[:-_DIGEST]).hexdigest()
-    if content[-_DIGEST:] != digest.encode():
+    digest = None if content is None else _digest_in(content)
+    if content is None or digest is None:
         return None
     try:
         fields, arrays = _unpacked(content)

@@ -216,8 +216,13 @@ def read_bytes(path: Path, most: int = limits.RESULT_BYTES) -> bytes | None:
 
 def read_json(path: Path) -> dict[str, Any]:
     """The table in a JSON file; empty where there is none or it cannot be read."""
+    return json_table(read_bytes(path) or b"")
+
+
+def json_table(content: bytes) -> dict[str, Any]:
+    """The table in the content of a JSON file; empty where it is none."""
     try:
-        document = json.loads(read_bytes(path) or b"")
+        document = json.loads(content)
     except (ValueError, RecursionError):
         return {}
     return document if isinstance(document, dict) else {}

@@ -346,11 +346,10 @@ def index(screen: Console, errors: Console, path: Path, output: Path) -> int:
 def report(screen: Console, errors: Console, path: Path, output: Path, with_doubtful: bool) -> int:
     """One page of all trucks, with links to their reports. Map by k and c, shrinkage, outliers, axle loads, quality."""
     from sysid.fleet.page import write_fleet_page
-    from sysid.fleet.status import rows_on_disk
 
     results = _computed(path, output, errors, with_doubtful=with_doubtful, without_population=True)
     with StageProgress(errors) as progress:
         progress.stage("page")
-        page = write_fleet_page(results, list(rows_on_disk(results.fleet, output)), output)
+        page = write_fleet_page(results, results.rows, output)
     screen.print(str(page), markup=False, soft_wrap=True)
     return 0

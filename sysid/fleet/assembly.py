@@ -11,12 +11,13 @@ import numpy as np
 from sysid.errors import DataRejectedError
 from sysid.fleet.draws import CampaignDraws, campaign_draws
 from sysid.fleet.hierarchy import HyperPriors, TypeData
-from sysid.fleet.likelihood import Likelihood, likelihood_of, sensitivity_to, without_shared
+from sysid.fleet.likelihood import Likelihood, likelihood_of, without_shared
 from sysid.fleet.members import Member, Members
 from sysid.fleet.population import TypePopulation, fit_population, stand_alone
 from sysid.fleet.records import SharedError
 from sysid.numbers import listing
 from sysid.progress import Progress, unwatched
+from sysid.threads import one_blas_thread
 
 #: Quantities whose population is looked for, in this order.
 QUANTITIES = ("stiffness", "damping")
@@ -57,6 +58,7 @@ class Assembled:
     remarks: tuple[str, ...]
 
 
+@one_blas_thread()
 def populations(
     of_types: Iterable[Members],
     shared: Sequence[SharedError],
@@ -147,18 +149,22 @@ def _stacked(
     remarks: list[str],
 ) -> tuple[TypeData, tuple[SharedError, ...]]:
     quantities = tuple(about[n][0] for n in order)
-    shared = tuple(s for s in errors if any(m.campaign in s.campaigns for m in with_draws))
+    of_error = {s.name: set(s.campaigns) for s in errors}
+    shared = tuple(s for s in errors if any(m.campaign in of_error[s.name] for m in with_draws))
+    place = {name: i for i, name in enumerate(order)}
     d = len(order)
     precision, shift = np.zeros((len(with_draws), d, d)), np.zeros((len(with_draws), d))
     moved = np.zeros((len(with_draws), d, len(shared)))
     means = np.full((len(with_draws), d), np.nan)
     too_narrow: dict[str, list[str]] = {}
     for c, (member, (names, likelihood, prior_mean)) in enumerate(zip(with_draws, parts, strict=True)):
-        at = np.array([order.index(n) for n in names])
+        at = np.array([place[n] for n in names])
         placed = likelihood.placed(at, d)
         means[c, at] = prior_mean
         for s, error in enumerate(shared):
-            moved[c, :, s] = sensitivity_to(error, member.campaign, quantities) * np.isin(np.arange(d), at)
+            if member.campaign not in of_error[error.name]:
+                continue
+            moved[c, at, s] = [error.moves.get(quantities[i], 0.0) for i in at]
             if error.in_intervals:
                 placed, share = without_shared(placed, moved[c, :, s], error.log_sd)
                 if share > _DOUBTFUL_SHARE:
@@ -169,7 +175,8 @@ def _stacked(
         "or give the error a smaller log_sd"
         for error, campaigns in too_narrow.items()
     ]
-    truck_of = np.array([trucks.index(m.truck) for m in with_draws])
+    number = {truck: t for t, truck in enumerate(trucks)}
+    truck_of = np.array([number[m.truck] for m in with_draws])
     data = TypeData(
         tuple(order), quantities, trucks, tuple(m.campaign for m in with_draws), truck_of, precision, shift,
         np.nanmean(means, axis=0), moved, np.array([s.log_sd for s in shared]),

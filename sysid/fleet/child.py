@@ -22,7 +22,8 @@ from typing import Any
 from sysid.bounded_reader import end_readers
 from sysid.errors import OutputError, SysidError
 from sysid.files import keep_inside, read_bytes, write_text
-from sysid.fleet.key import calibration_key, chain_key, folder_state, result_digest
+from sysid.fleet.draws import record_digest
+from sysid.fleet.key import calibration_key, chain_key, file_digests, folder_state, result_digest
 from sysid.fleet.outcome import LOG_FILE, RESULT_FILE, Outcome
 from sysid.folder_lock import FolderInUseError, FolderLock, cannot_write
 from sysid.runtime import own_process
@@ -67,6 +68,8 @@ def calibrate(campaign: Path, output: Path, choices: dict[str, Any], progress: A
             key=calibration_key(inputs, choices),
             inputs=inputs,
             result_sha256=result_digest(output / RESULT_FILE),
+            file_sha256=file_digests(output, [RESULT_FILE])[RESULT_FILE],
+            draws_sha256=record_digest(output),
         )
     except FolderInUseError as error:
         # It has no key: the next run tries it again.

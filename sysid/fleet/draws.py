@@ -106,8 +106,7 @@ def write_record(calibration: Calibration, results: Results, output: Path) -> No
 
 def record_digest(folder: Path) -> str:
     """Hash of the record of the campaign whose results are in a folder; empty where there is none."""
-    content = array_file.read(folder / RECORD_FILE)
-    return "" if content is None else content.digest
+    return array_file.digest_of(folder / RECORD_FILE) or ""
 
 
 def campaign_draws(folder: Path) -> CampaignDraws | None:

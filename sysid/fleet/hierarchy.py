@@ -14,12 +14,20 @@ are zero or a campaign says nothing of a parameter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
-#: Numbers of all matrices of one piece of a density's rows: 2 MB each.
+from sysid.fleet.quadratic_forms import forms_of, integrated, inverted, solved_back, squared, sum_of_squares
+from sysid.threads import side_by_side
+
+#: Campaigns, and pairs of a campaign and a set of hyperparameters, that are computed at once: matrices of some MB.
+_CAMPAIGNS_AT_ONCE = 1024
+_PAIRS_AT_ONCE = 2048
+#: Numbers of all matrices of one piece of the rows of draws: pieces decide the order of random numbers.
 _NUMBERS_AT_ONCE = 250_000
 
 
@@ -89,9 +97,9 @@ class Hierarchy:
         self._groups = [np.flatnonzero([q == name for q in data.quantities]) for name in dict.fromkeys(data.quantities)]
         self._named = list(dict.fromkeys(data.quantities))
         self._correlated = [g for g, at in enumerate(self._groups) if at.size > 1] if priors.correlated else []
-        self._first = np.flatnonzero(np.r_[True, np.diff(data.truck_of) > 0])
         # About the prior's mean: about zero, sums over many campaigns are so large that a search sees their rounding.
-        self._shift = data.shift - np.einsum("cij,j->ci", data.precision, data.mean)
+        self._forms = forms_of(data.precision, data.shift - data.precision @ data.mean, data.moved)
+        self._blocks = list(_blocks(data.truck_of))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -116,15 +124,24 @@ class Hierarchy:
 
     def spread(self, log_hyper: np.ndarray) -> np.ndarray:
         """Covariance T (n, d, d) of trucks about their type."""
+        tau = np.exp(log_hyper[:, : len(self.data.names)])
+        return np.asarray(tau[:, :, None] * self._correlations(log_hyper) * tau[:, None, :])
+
+    def _root(self, log_hyper: np.ndarray) -> np.ndarray:
+        """F (n, d, d) of T = F F'."""
+        tau = np.exp(log_hyper[:, : len(self.data.names)])
+        return np.asarray(tau[:, :, None] * np.linalg.cholesky(self._correlations(log_hyper)))
+
+    def _correlations(self, log_hyper: np.ndarray) -> np.ndarray:
+        """R (n, d, d)."""
         d = len(self.data.names)
-        tau = np.exp(log_hyper[:, :d])
         correlation = np.broadcast_to(np.eye(d), (len(log_hyper), d, d)).copy()
         for position, g in enumerate(self._correlated):
             at, rho = self._groups[g], self._correlation(log_hyper[:, d + position], g)
             block = np.broadcast_to(rho[:, None, None], (len(rho), at.size, at.size)).copy()
             block[:, np.arange(at.size), np.arange(at.size)] = 1.0
             correlation[:, at[:, None], at] = block
-        return np.asarray(tau[:, :, None] * correlation * tau[:, None, :])
+        return correlation
 
     def scatter(self, log_hyper: np.ndarray) -> np.ndarray:
         """Variances phi^2 (n, d) of a truck's campaigns about the truck; zero where no truck has two."""
@@ -146,20 +163,42 @@ class Hierarchy:
         """Log-density (n,) of log hyperparameters (n, h), up to a constant."""
         log_hyper = np.atleast_2d(log_hyper)
         with np.errstate(all="ignore"):
-            value = np.concatenate([self._log_evidence(piece) for piece in self._pieces(log_hyper)])
-            value = value + self._log_prior(log_hyper)
+            sums = self.totals(log_hyper)
+            value = sums.constant + 0.5 * np.einsum("nb,nb->n", sums.linear, sums.mean)
+            value += self._log_prior(log_hyper) - 0.5 * np.linalg.slogdet(sums.precision)[1]
         return np.where(np.isfinite(value), value, -np.inf)
 
-    def _pieces(self, log_hyper: np.ndarray) -> list[np.ndarray]:
-        """A few rows at a time: their matrices stay in the cache, and memory does not grow with the number of rows."""
-        numbers = len(log_hyper) * len(self.data.campaigns) * len(self.data.names) ** 2
-        return np.array_split(log_hyper, max(1, min(len(log_hyper), numbers // _NUMBERS_AT_ONCE)))
+    def totals(self, log_hyper: np.ndarray) -> Totals:
+        """Sums over all trucks for log hyperparameters (n, h)."""
+        most = max(1, _PAIRS_AT_ONCE // min(len(self.data.campaigns), _CAMPAIGNS_AT_ONCE))
+        pieces = np.array_split(log_hyper, -(-len(log_hyper) // most))
+        parts = side_by_side(self._summed, pieces)
+        forms, constant = (np.concatenate(some) for some in zip(*parts, strict=True))
+        spread, scatter = self.spread(log_hyper), self.scatter(log_hyper)
+        prior = np.r_[np.full(len(self.data.names), self.priors.mean_sd**-2.0), self.data.shared_sd**-2.0]
+        precision, linear = forms[:, :-1, :-1], -forms[:, :-1, -1]
+        precision = 0.5 * (precision + precision.transpose(0, 2, 1)) + np.diag(prior)
+        mean = np.linalg.solve(precision, linear[..., None])[..., 0]
+        return Totals(precision, linear, mean, constant, spread, scatter)
 
-    def _log_evidence(self, log_hyper: np.ndarray) -> np.ndarray:
-        parts = self.parts(log_hyper)
-        return np.asarray(
-            parts.constant + 0.5 * np.einsum("nb,nb->n", parts.totals.linear, parts.mean) - 0.5 * parts.log_det
-        )
+    def _summed(self, log_hyper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Forms (n, q, q) of all trucks together, and logarithm (n,) of what stands before their exponentials."""
+        root, scatter = self._root(log_hyper), self.scatter(log_hyper)
+        forms, constant = np.zeros((len(log_hyper), *self._forms.shape[:2])), np.zeros(len(log_hyper))
+        for block in self._blocks:
+            trucks, log_det = self._trucks(block, scatter)
+            _, rows, of_trucks = integrated(trucks, root)
+            forms += trucks.sum(axis=-1) - sum_of_squares(rows)
+            constant -= 0.5 * (log_det + of_trucks.sum(axis=1))
+        return forms, constant - 0.5 * forms[:, -1, -1]
+
+    def _trucks(self, block: _Block, scatter: np.ndarray) -> tuple[np.ndarray, np.ndarray | float]:
+        """Forms of a block's trucks, (n, q, q, m) or (q, q, m), from campaigns whose scatter is integrated out."""
+        forms = self._forms[..., block.campaigns]
+        if not self.data.repeated:
+            return forms, 0.0
+        _, rows, log_det = integrated(forms, np.sqrt(scatter)[:, :, None] * np.eye(scatter.shape[1]))
+        return np.add.reduceat(forms - squared(rows), block.first, axis=-1), log_det.sum(axis=1)
 
     def _log_prior(self, log_hyper: np.ndarray) -> np.ndarray:
         """Half-Cauchy spreads and scatters, uniform correlations, with the Jacobian of the logarithms."""
@@ -176,148 +215,86 @@ class Hierarchy:
 
     def draw(self, log_hyper: np.ndarray, random: np.random.Generator) -> Conditional:
         """One draw of the type's mean, shared errors and trucks per row of log hyperparameters (n, h)."""
-        drawn = [self._drawn(piece, random) for piece in self._pieces(np.atleast_2d(log_hyper))]
-        return Conditional(*(np.concatenate([getattr(d, f.name) for d in drawn]) for f in fields(Conditional)))
+        log_hyper, d = np.atleast_2d(log_hyper), len(self.data.names)
+        beta = np.empty((len(log_hyper), d + self.data.shared_sd.size))
+        trucks = np.empty((len(log_hyper), len(self.data.trucks), d))
+        numbers = len(log_hyper) * len(self.data.campaigns) * d**2
+        pieces = np.array_split(np.arange(len(log_hyper)), max(1, min(len(log_hyper), numbers // _NUMBERS_AT_ONCE)))
+        # In this order, whatever works side by side later.
+        for at in pieces:
+            beta[at] = random.standard_normal((at.size, beta.shape[1]))
+            trucks[at] = random.standard_normal((at.size, *trucks.shape[1:]))
+        # Rows by importance are drawn again and again.
+        different, of = np.unique(log_hyper, axis=0, return_inverse=True)
+        sums = self.totals(different)
+        factor = np.linalg.cholesky(sums.precision).transpose(0, 2, 1)
+        beta = sums.mean[of] + np.linalg.solve(factor[of], beta[..., None])[..., 0]
+        known = np.concatenate([beta, np.ones((len(beta), 1))], axis=1)
 
-    def _drawn(self, log_hyper: np.ndarray, random: np.random.Generator) -> Conditional:
-        n, d = len(log_hyper), len(self.data.names)
-        parts = self.parts(log_hyper)
-        factor = np.linalg.cholesky(parts.totals.precision)
-        noise = random.standard_normal((n, parts.mean.shape[1], 1))
-        beta = parts.mean + np.linalg.solve(factor.transpose(0, 2, 1), noise)[..., 0]
-        mean, shared = beta[:, :d], beta[:, d:]
-        trucks = parts.truck_mean(mean, shared)
-        root = np.linalg.cholesky(parts.totals.spread + 1e-18 * np.eye(d))
-        inner = np.eye(d) + np.einsum("nij,ntik,nkl->ntjl", root, parts.trucks.precision, root, optimize=True)
-        steps = np.linalg.solve(
-            np.linalg.cholesky(inner).transpose(0, 1, 3, 2), random.standard_normal((*trucks.shape, 1))
-        )
-        trucks = trucks + np.einsum("nij,ntj->nti", root, steps[..., 0])
-        return Conditional(self.data.mean + mean, shared, self.data.mean + trucks)
+        def place(row: int) -> None:
+            """Trucks in place of their standard normal numbers, for all draws with these hyperparameters."""
+            at, root = np.flatnonzero(of == row), self._root(different[row : row + 1])
+            for block in self._blocks:
+                upper, (rows,), _ = integrated(self._trucks(block, sums.scatter[row : row + 1])[0], root)
+                pull = (known[at] @ rows.reshape(len(rows), -1)).reshape(at.size, *rows.shape[1:])
+                steps = root @ solved_back(upper, trucks[at, block.trucks].transpose(0, 2, 1) - pull)
+                trucks[at, block.trucks] = beta[at, None, :d] + steps.transpose(0, 2, 1)
 
-    def totals(self, log_hyper: np.ndarray) -> Totals:
-        """What :meth:`predicted` needs of log hyperparameters (n, h)."""
-        pieces = [self.parts(piece).totals for piece in self._pieces(log_hyper)]
-        return Totals(*(np.concatenate([getattr(p, f.name) for p in pieces]) for f in fields(Totals)))
+        side_by_side(place, range(len(different)))
+        trucks += self.data.mean
+        return Conditional(self.data.mean + beta[:, :d], beta[:, d:], trucks)
 
-    def predicted(self, log_hyper: np.ndarray, totals: Totals, truck: int) -> tuple[np.ndarray, np.ndarray]:
-        """What all other trucks say of a campaign of one truck: means (n, d) and covariances (n, d, d).
+    def predicted(self, log_hyper: np.ndarray, totals: Totals, trucks: slice) -> tuple[np.ndarray, np.ndarray]:
+        """What all other trucks say of a campaign of each truck: means (n, d, m) and covariances (n, d, d, m).
 
         Given the hyperparameters, with `totals` of them; shared errors are taken at their mean, as in the draws of the
         campaign.
         """
         d = len(self.data.names)
-        joint = totals.precision - totals.joint_of_truck[:, truck]
-        linear = totals.linear - totals.linear_of_truck[:, truck]
-        mean = np.linalg.solve(joint, linear[..., None])[..., 0][:, :d]
-        covariance = np.linalg.inv(joint)[:, :d, :d] + totals.spread
-        covariance = 0.5 * (covariance + covariance.transpose(0, 2, 1))
-        covariance[:, np.arange(d), np.arange(d)] += self.scatter(log_hyper)
-        return self.data.mean + mean, covariance
-
-    def parts(self, log_hyper: np.ndarray) -> Parts:
-        """Sums over campaigns and trucks for log hyperparameters (n, h)."""
-        data, d = self.data, len(self.data.names)
-        spread, scatter = self.spread(log_hyper), self.scatter(log_hyper)
-        # Campaigns with their scatter integrated out: (I + L Phi)^-1 L and (I + L Phi)^-1 h.
-        mixed = np.eye(d) + data.precision * scatter[:, None, None, :]
-        inverse = np.linalg.inv(mixed)
-        precision, shift = inverse @ data.precision, np.einsum("ncij,cj->nci", inverse, self._shift)
-        constant = 0.5 * np.einsum("ci,ni,nci->n", self._shift, scatter, shift)
-        constant -= 0.5 * np.linalg.slogdet(mixed)[1].sum(axis=1)
-        campaigns = Forms(
-            precision,
-            shift,
-            precision @ data.moved,
-            np.einsum("cis,ncij->ncsj", data.moved, precision) @ data.moved,
-            np.einsum("cis,nci->ncs", data.moved, shift),
-        )
-        trucks = campaigns.summed(self._first)
-        # theta integrated out: G = (I + L T)^-1.
-        mixed = trucks.mixed(spread)
-        gain = np.linalg.inv(mixed)
-        pulled = np.einsum("ntij,ntj->nti", gain, trucks.shift)
-        constant += 0.5 * np.einsum("nti,nij,ntj->n", trucks.shift, spread, pulled, optimize=True)
-        constant -= 0.5 * np.linalg.slogdet(mixed)[1].sum(axis=1)
-        joint, linear = trucks.joint(spread, gain), trucks.linear(spread, pulled)
-        prior = np.r_[np.full(d, self.priors.mean_sd**-2.0), data.shared_sd**-2.0]
-        whole = joint.sum(axis=1)
-        whole = 0.5 * (whole + whole.transpose(0, 2, 1)) + np.diag(prior)
-        pull = linear.sum(axis=1)
-        mean = np.linalg.solve(whole, pull[..., None])[..., 0]
-        return Parts(constant, mean, trucks, gain, Totals(whole, pull, spread, joint, linear))
+        (block,) = _blocks(self.data.truck_of, trucks)
+        forms, _ = self._trucks(block, totals.scatter)
+        forms = forms - squared(integrated(forms, self._root(log_hyper))[1])
+        covariance, _ = inverted(totals.precision[..., None] - forms[:, :-1, :-1])
+        linear = totals.linear[..., None] + forms[:, :-1, -1]
+        mean = np.einsum("nijm,njm->nim", covariance[:, :d], linear)
+        covariance = covariance[:, :d, :d] + totals.spread[..., None]
+        covariance = 0.5 * (covariance + covariance.transpose(0, 2, 1, 3))
+        covariance[:, np.arange(d), np.arange(d)] += totals.scatter[..., None]
+        return self.data.mean[:, None] + mean, covariance
 
 
 @dataclass(frozen=True)
-class Forms:
-    """Quadratic forms of campaigns, or of trucks, in theta (d,) and the shared errors e (S,).
+class _Block:
+    """Some trucks that follow each other, their `campaigns`, and which of these are each truck's `first`."""
 
-    exp(-theta'L theta/2 + h'theta - theta'B e - e'D e/2 + g'e): `precision` L (n, m, d, d), `shift` h (n, m, d),
-    `moved` B (n, m, d, S), `shared` D (n, m, S, S), `shared_shift` g (n, m, S).
-    """
+    trucks: slice
+    campaigns: slice
+    first: np.ndarray
 
-    precision: np.ndarray
-    shift: np.ndarray
-    moved: np.ndarray
-    shared: np.ndarray
-    shared_shift: np.ndarray
 
-    def summed(self, first: np.ndarray) -> Forms:
-        """Trucks, from campaigns of which each truck's first is named."""
-        parts = (self.precision, self.shift, self.moved, self.shared, self.shared_shift)
-        return Forms(*(np.add.reduceat(part, first, axis=1) for part in parts))
-
-    def mixed(self, spread: np.ndarray) -> np.ndarray:
-        """I + L T for covariances T (n, d, d) of theta."""
-        return np.asarray(np.eye(spread.shape[-1]) + self.precision @ spread[:, None])
-
-    def joint(self, spread: np.ndarray, gain: np.ndarray) -> np.ndarray:
-        """Precision (n, m, d + S, d + S) of mu and e with theta ~ N(mu, T) integrated out; G = (I + L T)^-1."""
-        cross = gain @ self.moved
-        corner = self.shared - self.moved.transpose(0, 1, 3, 2) @ spread[:, None] @ cross
-        upper = np.concatenate([gain @ self.precision, cross], axis=3)
-        return np.concatenate([upper, np.concatenate([cross.transpose(0, 1, 3, 2), corner], axis=3)], axis=2)
-
-    def linear(self, spread: np.ndarray, pulled: np.ndarray) -> np.ndarray:
-        """Linear term (n, m, d + S) of the same, from G h (n, m, d)."""
-        of_shared = self.shared_shift - np.einsum("ntis,nij,ntj->nts", self.moved, spread, pulled)
-        return np.concatenate([pulled, of_shared], axis=2)
+def _blocks(truck_of: np.ndarray, trucks: slice | None = None) -> Iterator[_Block]:
+    """Blocks of at most so many campaigns as are computed at once, or the one block of some trucks."""
+    first = np.r_[np.flatnonzero(np.r_[True, np.diff(truck_of) > 0]), truck_of.size]
+    if trucks is None:
+        at = np.searchsorted(first, np.arange(0, truck_of.size, _CAMPAIGNS_AT_ONCE))
+        ends = np.unique(np.r_[at, first.size - 1]).tolist()
+    else:
+        ends = [trucks.start, trucks.stop]
+    for begin, end in pairwise(ends):
+        yield _Block(slice(begin, end), slice(first[begin], first[end]), first[begin:end] - first[begin])
 
 
 @dataclass(frozen=True)
 class Totals:
-    """Precision (n, d + S, d + S) and linear term (n, d + S) of mean and shared errors, T (n, d, d), and of trucks.
+    """Sums over all trucks for n sets of hyperparameters, parameters about the mean of their prior.
 
-    Parameters are about the mean of their prior.
+    `precision` (n, d + S, d + S), `linear` (n, d + S) and `mean` of the type's mean and the shared errors; `constant`
+    (n,) of the log-density; covariance `spread` (n, d, d) of trucks, variances `scatter` (n, d) of repeats.
     """
 
     precision: np.ndarray
     linear: np.ndarray
-    spread: np.ndarray
-    joint_of_truck: np.ndarray
-    linear_of_truck: np.ndarray
-
-
-@dataclass(frozen=True)
-class Parts:
-    """Sums of the model for n sets of hyperparameters: all that density, draws and predictions need.
-
-    `gain` (n, trucks, d, d) is (I + L T)^-1 of every truck.
-    """
-
-    constant: np.ndarray
     mean: np.ndarray
-    trucks: Forms
-    gain: np.ndarray
-    totals: Totals
-
-    @property
-    def log_det(self) -> np.ndarray:
-        """Logarithm of the determinant of the precision of mean and shared errors, (n,)."""
-        return np.asarray(np.linalg.slogdet(self.totals.precision)[1])
-
-    def truck_mean(self, mean: np.ndarray, shared: np.ndarray) -> np.ndarray:
-        """Means (n, trucks, d) of the trucks given the type's mean (n, d) and shared errors (n, S)."""
-        data = self.trucks.shift - np.einsum("ntis,ns->nti", self.trucks.moved, shared)
-        towards = np.einsum("ntji,nj->nti", self.gain, mean)
-        return np.asarray(towards + np.einsum("nij,ntjk,ntk->nti", self.totals.spread, self.gain, data, optimize=True))
+    constant: np.ndarray
+    spread: np.ndarray
+    scatter: np.ndarray

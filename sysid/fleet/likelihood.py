@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.fleet.draws import CampaignDraws
-from sysid.fleet.records import SharedError
 
 #: Directions about which the data add less than this share of the prior's information count as unknown: the draws could
 #: not tell it from nothing.
@@ -81,10 +80,3 @@ def without_shared(likelihood: Likelihood, moved: np.ndarray, sd: float) -> tupl
     gain = s2 / (1.0 - s2 * float(moved @ pulled))
     precision = likelihood.precision + gain * np.outer(pulled, pulled)
     return Likelihood(precision, likelihood.shift + gain * pulled * float(moved @ likelihood.shift)), share
-
-
-def sensitivity_to(shared: SharedError, campaign: str, quantities: tuple[str, ...]) -> np.ndarray:
-    """By how much each log parameter of a campaign follows a shared error, (p,); zeros where it is not concerned."""
-    if campaign not in shared.campaigns:
-        return np.zeros(len(quantities))
-    return np.array([shared.moves.get(q, 0.0) for q in quantities])

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from sysid.display import Z90
-from sysid.files import read_json
 from sysid.fleet.exchangeable import Readings, population
 from sysid.fleet.members import Member
-from sysid.fleet.outcome import RESULT_FILE
+from sysid.fleet.summaries import Pass, PeakRatio, summary_of
 
 #: Scale of the half-Cauchy prior of the spread of the logarithm of a peak load ratio between trucks.
 _SCALE = 0.1
@@ -42,39 +38,7 @@ class PopulationLoad:
     shape: str | None = None
 
 
-class _Kind(NamedTuple):
-    """What passes have to have in common; `bump` is what tells bumps apart."""
-
-    load_case: str
-    speed_km_h: float
-    axle: int
-    bump: str
-
-
-@dataclass(frozen=True)
-class _Reading:
-    """Median and standard deviation of the logarithm of a ratio, and the name of the bump, None if it is not known."""
-
-    kind: _Kind
-    shape: str | None
-    middle: float
-    sd: float
-
-
-def _readings(predictions: Iterable[Mapping[str, Any]]) -> Iterator[_Reading]:
-    """Those of the predictions of a ``result.json`` that have quantiles."""
-    for p in predictions:
-        ratio, shape = p["peak_dynamic_load_ratio"], p.get("shape")
-        values = [v for q in ("q05", "q50", "q95") if isinstance(v := ratio.get(q), float) and v > 0.0]
-        # In results of an earlier version the file's name has that of a shape in it, but none of a scanned bump.
-        bump, name = (str(p["file"]), None) if shape is None else (str(shape["sha256"]), str(shape["name"]))
-        kind = _Kind(str(p["load_case"]), float(p["speed_km_h"]), int(p["axle"]), bump)
-        if len(values) == 3:
-            low, middle, high = (math.log(v) for v in values)
-            yield _Reading(kind, name, middle, (high - low) / (2.0 * Z90))
-
-
-def _names(readings: Iterable[_Reading]) -> dict[str, str | None]:
+def _names(readings: Iterable[PeakRatio]) -> dict[str, str | None]:
     """Names of the bumps in order of appearance, numbered where different ones have one name."""
     names: dict[str, str | None] = {}
     for reading in readings:
@@ -94,15 +58,11 @@ def population_loads(kind: str, members: Iterable[Member]) -> tuple[list[Populat
     normal.  Of several campaigns of a truck the last one counts: their errors have masses and tires in common, so that
     an average would look more certain than it is.
     """
-    by_member: list[tuple[Member, list[_Reading]]] = []
-    for member in members:
-        try:
-            by_member.append((member, list(_readings(read_json(member.output / RESULT_FILE)["predictions"]))))
-        except (ValueError, KeyError, TypeError, OverflowError, AttributeError):
-            continue
+    of_members = ((member, summary_of(member.output).ratios) for member in members)
+    by_member = [(member, ratios) for member, ratios in of_members if ratios is not None]
     names = _names(r for _, readings in by_member for r in readings)
     order = {bump: number for number, bump in enumerate(names)}
-    trucks: dict[_Kind, dict[str, _Reading]] = {}
+    trucks: dict[Pass, dict[str, PeakRatio]] = {}
     for member, readings in by_member:
         for r in readings:
             trucks.setdefault(r.kind, {})[member.truck] = r
@@ -115,7 +75,7 @@ def population_loads(kind: str, members: Iterable[Member]) -> tuple[list[Populat
     return loads, [f"{kind}: {sentence}" for sentence in _remarks(trucks, unnamed)]
 
 
-def _load(kind: str, of: _Kind, readings: Sequence[_Reading], shape: str | None) -> PopulationLoad:
+def _load(kind: str, of: Pass, readings: Sequence[PeakRatio], shape: str | None) -> PopulationLoad:
     value, sd = np.array([(r.middle, max(r.sd, 1e-6)) for r in readings]).T
     found = population(Readings.independent(value, sd**2), _SCALE)
     q05, q50, q95 = (float(q) for q in np.exp(found.quantiles((0.05, 0.5, 0.95))))
@@ -132,7 +92,7 @@ def pass_words(loads: Sequence[PopulationLoad]) -> list[str]:
     ]
 
 
-def _remarks(trucks: Mapping[_Kind, Mapping[str, _Reading]], unnamed: int) -> Iterator[str]:
+def _remarks(trucks: Mapping[Pass, Mapping[str, PeakRatio]], unnamed: int) -> Iterator[str]:
     """Sentences about `unnamed` campaigns whose bumps are not known, and about passes over too many bumps."""
     if unnamed:
         yield (

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sysid.files import read_json
-from sysid.fleet.changes import changes
-from sysid.fleet.outcome import RESULT_FILE, read_outcome
 from sysid.fleet.records import Fleet
-from sysid.fleet.running import campaign_output
+from sysid.fleet.running import Row, campaign_output
+from sysid.fleet.status import CHANGED, rows_on_disk
+from sysid.fleet.summaries import summary_of
 from sysid.numbers import count, listing
 
 #: The verdict of a campaign that is no member unless it is asked for.
@@ -42,45 +42,43 @@ class Members:
     remarks: tuple[str, ...]
 
 
-def members(fleet: Fleet, output: Path, kind: str, with_doubtful: bool = False) -> Members:
+def members(
+    fleet: Fleet, output: Path, kind: str, with_doubtful: bool = False, rows: Sequence[Row] | None = None
+) -> Members:
     """Campaigns of a type whose results count: those of the files as they are now, on which one may bet.
 
-    Their files are hashed.  Results whose files are not here any more are taken: data may be kept elsewhere.
-    `with_doubtful` takes campaigns too whose verdict is that nobody should bet on their numbers; remarks name them.
+    Results whose files are not here any more are taken: data may be kept elsewhere.  `with_doubtful` takes campaigns
+    too whose verdict is that nobody should bet on their numbers; remarks name them.  `rows` are those of
+    :func:`sysid.fleet.status.rows_on_disk`, which hashes all files.
     """
     found: list[Member] = []
     left_out: dict[str, list[str]] = {}
     noted: dict[str, list[str]] = {words: [] for words in (_DOUBTED, *_STATUS.values(), _NOT_HERE)}
-    for truck in fleet.trucks:
-        for campaign in truck.campaigns if truck.type == kind else ():
-            folder = campaign_output(output, campaign.name)
-            outcome = read_outcome(folder)
-            if outcome is None or not outcome.finished:
-                continue
-            different = changes(outcome, campaign.folder, folder)
-            doubtful = trust_in(folder) == DOUBTFUL
-            if different.sentence:
-                left_out.setdefault(f"{different.sentence}; run the fleet again", []).append(campaign.name)
-                continue
-            if doubtful and not with_doubtful:
-                left_out.setdefault("nobody should bet on its numbers", []).append(campaign.name)
-                continue
-            if doubtful:
-                noted[_DOUBTED].append(campaign.name)
-            if outcome.status in _STATUS:
-                noted[_STATUS[outcome.status]].append(campaign.name)
-            if different.missing:
-                noted[_NOT_HERE].append(campaign.name)
-            found.append(Member(truck.name, campaign.name, folder, outcome.status))
+    for row in rows_on_disk(fleet, output) if rows is None else rows:
+        if row.type != kind:
+            continue
+        if row.state == "running":
+            left_out.setdefault("a process works on it", []).append(row.campaign)
+        if row.outcome is None or not row.outcome.finished:
+            continue
+        folder = campaign_output(output, row.campaign)
+        doubtful = summary_of(folder).verdict == DOUBTFUL
+        if row.state == CHANGED:
+            left_out.setdefault(f"{row.outcome.sentence}; run the fleet again", []).append(row.campaign)
+            continue
+        if doubtful and not with_doubtful:
+            left_out.setdefault("nobody should bet on its numbers", []).append(row.campaign)
+            continue
+        if doubtful:
+            noted[_DOUBTED].append(row.campaign)
+        if row.outcome.status in _STATUS:
+            noted[_STATUS[row.outcome.status]].append(row.campaign)
+        if row.missing:
+            noted[_NOT_HERE].append(row.campaign)
+        found.append(Member(row.truck, row.campaign, folder, row.outcome.status))
     remarks = [_left_out(names, why) for why, names in left_out.items()]
     remarks += [f"{count(len(names), 'campaign')} {what}: {listing(names)}" for what, names in noted.items() if names]
     return Members(kind, tuple(found), tuple(remarks))
-
-
-def trust_in(folder: Path) -> str:
-    """The verdict in the ``result.json`` of a folder; empty where there is none."""
-    judged = read_json(folder / RESULT_FILE).get("verdict")
-    return str(judged.get("trust")) if isinstance(judged, dict) else ""
 
 
 def _left_out(names: list[str], why: str) -> str:

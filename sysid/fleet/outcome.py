@@ -9,9 +9,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from sysid.errors import CampaignError
 from sysid.files import read_json, write_text
-from sysid.fleet.key import calibration_key, file_digests, folder_state, result_digest
 
 #: ``failed``: the program or the disk, not the data; ``crashed``: its process was killed or died, twice.
 State = Literal["done", "not converged", "rejected", "failed", "crashed"]
@@ -23,6 +21,8 @@ LOG_FILE = "fleet.log"
 RESULT_FILE = "result.json"
 #: Version of a stored outcome; others are not read.
 SCHEMA = 1
+#: What outcomes of earlier versions do not have.
+_LATER = ("file_sha256", "draws_sha256")
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,10 @@ class Outcome:
     """How a calibration ended.
 
     `sentence` says why it has no result; `status` is that of ``result.json``.  `key` ties it to its inputs (`inputs`,
-    SHA-256 by file name; for those that could not be read what :func:`sysid.fleet.key.folder_state` says).  `seconds`
-    on the clock, `processor_seconds`, `peak_bytes` of its process, `attempts` how often it was started.
+    SHA-256 by file name; for those that could not be read what :func:`sysid.fleet.key.folder_state` says).
+    `result_sha256` is that of ``result.json`` without times, `file_sha256` that of the file, `draws_sha256` that of the
+    draws for the fleet; the last two are empty in outcomes of earlier versions.  `seconds` on the clock,
+    `processor_seconds`, `peak_bytes` of its process, `attempts` how often it was started.
     """
 
     state: State
@@ -40,6 +42,8 @@ class Outcome:
     key: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
     result_sha256: str = ""
+    file_sha256: str = ""
+    draws_sha256: str = ""
     seconds: float = 0.0
     processor_seconds: float = 0.0
     peak_bytes: int = 0
@@ -62,6 +66,7 @@ def read_outcome(folder: Path) -> Outcome | None:
     if document.get("schema") != SCHEMA or document.get("state") not in get_args(State):
         return None
     members = {f.name: document.get(f.name) for f in fields(Outcome)}
+    members |= {name: document.get(name, "") for name in _LATER}
     if not all(_is_like(members[f.name], getattr(Outcome("done"), f.name)) for f in fields(Outcome)):
         return None
     return Outcome(**members)  # type: ignore[arg-type]
@@ -74,19 +79,3 @@ def _is_like(value: Any, example: Any) -> bool:
     if isinstance(example, float):
         return type(value) in (int, float) and math.isfinite(value) and abs(value) < 2**53
     return type(value) is type(example) and (not isinstance(value, int) or 0 <= value < 2**63)
-
-
-def still_valid(outcome: Outcome, campaign: Path, folder: Path, choices: Mapping[str, Any]) -> bool:
-    """Whether an outcome is that of the campaign as it is now: inputs, options, program, and the result on disk."""
-    if not outcome.finished:
-        now: Mapping[str, str] = folder_state(campaign)
-    else:
-        now = file_digests(campaign, outcome.inputs)
-    if calibration_key(now, choices) != outcome.key:
-        return False
-    if not outcome.finished:
-        return True
-    try:
-        return result_digest(folder / RESULT_FILE) == outcome.result_sha256
-    except CampaignError:
-        return False

@@ -36,7 +36,7 @@ from sysid.workflow.versions import versions
 
 PAGE = "fleet.html"
 #: Campaigns that the page lists one by one; all of them stand in fleet_status.csv.
-MOST_LISTED = 1000
+MOST_LISTED = 10_000
 
 
 @dataclass(frozen=True)

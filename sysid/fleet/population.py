@@ -11,15 +11,17 @@ from scipy.optimize import minimize
 from sysid.display import Z90
 from sysid.errors import DataRejectedError
 from sysid.fleet.draws import CampaignDraws, thinned
-from sysid.fleet.exchangeable import Readings, pooled_populations
+from sysid.fleet.exchangeable import Readings, chances, pooled_populations
 from sysid.fleet.hierarchy import Hierarchy, HyperPriors, TypeData
 from sysid.fleet.likelihood import likelihood_of
 from sysid.fleet.population_prior import PopulationPrior, prior_of_others
-from sysid.fleet.weights import MOST_K, Weights, campaign_weights, log_correction, log_ratios, smoothed
+from sysid.fleet.quadratic_forms import inverted
+from sysid.fleet.weights import MOST_K, Weights, campaign_weights, log_corrections, log_ratios, smoothed
 from sysid.posterior.options import SamplingOptions
 from sysid.posterior.sampled_posterior import Posterior
 from sysid.posterior.sampling import sample_posterior
 from sysid.progress import Progress, unwatched
+from sysid.threads import side_by_side
 
 #: Probability, over all trucks and parameters of a type, that a fleet without any outlier has one by chance.
 OUTLIER_LEVEL = 0.10
@@ -29,6 +31,10 @@ DRAWS = 2000
 #: this number of pairs of a campaign and a draw allows.
 _WEIGHTED = 200
 _WEIGHTED_PAIRS = 20_000
+#: Columns of draws of which quantiles are taken together.
+_COLUMNS_AT_ONCE = 200
+#: Trucks whose campaigns are weighted together.
+_TRUCKS_AT_ONCE = 32
 #: Sampling of hyperparameters: a density that takes a millisecond may be drawn from for long.
 SAMPLING = SamplingOptions(
     ensembles=4,
@@ -178,7 +184,7 @@ def fit_population(
         truck_names=data.trucks,
         campaigns=data.campaigns,
         alone=Quantiles(*(np.exp(alone.value + z * alone.sd) for z in (-Z90, 0.0, Z90))),
-        trucks=_quantiles(np.exp(drawn.trucks)),
+        trucks=_quantiles(np.exp(drawn.trucks, out=drawn.trucks)),
         mean=_quantiles(np.exp(drawn.mean)),
         new=_quantiles(np.exp(_new_trucks(drawn.mean, spread, random))),
         spread=_quantiles(tau),
@@ -234,24 +240,25 @@ def stand_alone(data: TypeData, priors: HyperPriors, scatter: np.ndarray | None 
     scatter : variances (d,) of u, which add W_c diag(scatter) W_c' to V; None where they are left to the spread.
     """
     trucks, (d, errors) = len(data.trucks), data.moved.shape[1:]
-    value, own_sd = np.full((trucks, d), np.nan), np.full((trucks, d), np.nan)
-    common = np.zeros((trucks, d, errors))
     # As wide as the prior of the mean where the data say nothing.
     prior = np.diag(np.r_[np.full(d, priors.mean_sd**-2.0), data.shared_sd**-2.0])
     centre_of_prior = np.r_[data.mean, np.zeros(errors)]
-    for t in range(trucks):
-        of = data.truck_of == t
-        rows = np.concatenate([np.tile(np.eye(d), (of.sum(), 1, 1)), data.moved[of]], axis=2)
-        pulled = rows.transpose(0, 2, 1) @ data.precision[of]
-        likelihood = (pulled @ rows).sum(axis=0)
-        inverse = np.linalg.inv(likelihood + prior)
-        centre = inverse @ (np.einsum("cij,ci->j", rows, data.shift[of]) + prior @ centre_of_prior)
-        moved = inverse[:d] @ likelihood[:, d:] * data.shared_sd
-        variance = np.diag(inverse)[:d] - (moved**2).sum(axis=1)
-        known = variance < (0.5 * priors.mean_sd) ** 2
-        if scatter is not None:
-            variance = variance + np.einsum("cij,j->i", (inverse[:d] @ pulled) ** 2, scatter)
-        value[t, known], own_sd[t, known], common[t, known] = centre[:d][known], np.sqrt(variance[known]), moved[known]
+    first = np.searchsorted(data.truck_of, np.arange(trucks))
+    rows = np.concatenate([np.broadcast_to(np.eye(d), data.precision.shape), data.moved], axis=2)
+    pulled = rows.transpose(0, 2, 1) @ data.precision
+    likelihood = np.add.reduceat(pulled @ rows, first)
+    shift = np.add.reduceat(np.einsum("cij,ci->cj", rows, data.shift), first)
+    inverse = np.linalg.inv(likelihood + prior)
+    centre = np.einsum("tij,tj->ti", inverse, shift + prior @ centre_of_prior)[:, :d]
+    common = inverse[:, :d] @ likelihood[:, :, d:] * data.shared_sd
+    variance = np.diagonal(inverse, axis1=1, axis2=2)[:, :d] - (common**2).sum(axis=2)
+    unknown = variance >= (0.5 * priors.mean_sd) ** 2
+    if scatter is not None:
+        moved = (inverse[data.truck_of, :d] @ pulled) ** 2 @ scatter
+        variance = variance + np.add.reduceat(moved, first)
+    value, own_sd = centre.copy(), np.sqrt(np.maximum(variance, 0.0))
+    value[unknown] = own_sd[unknown] = np.nan
+    common[unknown] = 0.0
     return OwnEstimates(value, own_sd, common)
 
 
@@ -261,24 +268,16 @@ def find_outliers(data: TypeData, alone: OwnEstimates, priors: HyperPriors) -> t
     The level is shared out over all trucks and parameters (Bonferroni).  Errors that trucks have in common explain no
     difference between them as far as they are alike.
     """
-    known = np.isfinite(alone.value)
     outliers = []
-    for t, truck in enumerate(data.trucks):
-        # Two others at least give a spread.
-        comparable = known.sum(axis=0) - known[t] >= 2
-        for quantity in dict.fromkeys(data.quantities):
-            at = [i for i, q in enumerate(data.quantities) if q == quantity and comparable[i]]
-            if not at:
-                continue
-            pops = pooled_populations([alone.readings(i, t) for i in at], priors.spread_scale)
-            for i, pop in zip(at, pops, strict=True):
-                if not known[t, i]:
-                    continue
-                value = float(alone.value[t, i])
-                chance = pop.tail(value, float(alone.own_sd[t, i] ** 2))
-                if chance * known.sum() < OUTLIER_LEVEL:
-                    factor = float(np.exp(value - pop.quantiles((0.5,))[0]))
-                    outliers.append(Outlier(truck, data.names[i], factor, chance))
+    chance = np.full(alone.value.shape, np.inf)
+    alike = {q: [i for i, of in enumerate(data.quantities) if of == q] for q in data.quantities}
+    for at in alike.values():
+        chance[:, at] = chances(alone.value[:, at], alone.own_sd[:, at] ** 2, alone.common[:, at], priors.spread_scale)
+    for t, i in np.argwhere(chance * np.isfinite(alone.value).sum() < OUTLIER_LEVEL):
+        at = [j for j in alike[data.quantities[i]] if np.isfinite(np.delete(alone.value[:, j], t)).sum() >= 2]
+        pops = pooled_populations([alone.readings(j, t) for j in at], priors.spread_scale)
+        factor = float(np.exp(alone.value[t, i] - pops[at.index(i)].quantiles((0.5,))[0]))
+        outliers.append(Outlier(data.trucks[t], data.names[i], factor, float(chance[t, i])))
     return tuple(sorted(outliers, key=lambda o: o.probability))
 
 
@@ -338,25 +337,49 @@ def _pareto(
     model: Hierarchy, records: Sequence[CampaignDraws | None], log_hyper: np.ndarray
 ) -> tuple[np.ndarray, dict[str, PopulationPrior], np.ndarray]:
     """Pareto k per campaign (NaN without draws), a better prior where it is too large, and log weights (n,)."""
-    data, of_others = model.data, {}
-    k, log_weights = np.full(len(data.campaigns), np.nan), np.zeros(len(log_hyper))
-    totals = model.totals(log_hyper)
-    for c in range(len(data.campaigns)):
-        # One at a time: draws of thousands of campaigns need not fit into memory.
-        record = records[c]
-        if record is None:
-            continue
-        at = np.array([data.names.index(n) for n in record.names])
-        mean, covariance = model.predicted(log_hyper, totals, int(data.truck_of[c]))
-        around = (mean[:, at], covariance[:, at][:, :, at])
-        prior = (record.prior_mean, record.prior_covariance)
-        ratios = log_ratios(record.draws, *prior, *around)
-        k[c] = campaign_weights(ratios[::4]).pareto_k
-        if k[c] > MOST_K:
-            of_others[data.campaigns[c]] = prior_of_others(record.names, *around)
-        # As the draws are: a shared error that was taken out of the likelihood is part of them.
-        likelihood = likelihood_of(record)
-        log_weights += log_correction(ratios, *around, likelihood.precision, likelihood.shift)
+    data, totals = model.data, model.totals(log_hyper)
+    blocks = [slice(t, min(t + _TRUCKS_AT_ONCE, len(data.trucks))) for t in range(0, len(data.trucks), _TRUCKS_AT_ONCE)]
+
+    def weigh(trucks: slice) -> tuple[dict[int, float], dict[str, PopulationPrior], np.ndarray]:
+        """Those of some trucks; draws of thousands of campaigns need not fit into memory."""
+        first, last = np.searchsorted(data.truck_of, [trucks.start, trucks.stop])
+        read = {c: record for c in range(first, last) if (record := records[c]) is not None}
+        k: dict[int, float] = {}
+        priors: dict[str, PopulationPrior] = {}
+        log_weights = np.zeros(len(log_hyper))
+        if not read:
+            return k, priors, log_weights
+        means, covariances = model.predicted(log_hyper, totals, trucks)
+        for names in dict.fromkeys(record.names for record in read.values()):
+            alike = {c: record for c, record in read.items() if record.names == names}
+            at, of = [data.names.index(n) for n in names], data.truck_of[list(alike)] - trucks.start
+            mean, covariance = means[:, at][..., of], covariances[:, at][:, :, at][..., of]
+            precision, log_det = inverted(covariance)
+            by_campaign = np.ascontiguousarray(precision.transpose(3, 0, 1, 2))
+            ratios = []
+            for m, (c, record) in enumerate(alike.items()):
+                prior = (record.prior_mean, record.prior_covariance)
+                ratios.append(log_ratios(record.draws, prior, mean[..., m], by_campaign[m], log_det[:, m]))
+                k[c] = campaign_weights(ratios[-1][::4]).pareto_k
+                if k[c] > MOST_K:
+                    priors[data.campaigns[c]] = prior_of_others(names, mean[..., m], covariance[..., m])
+            # As the draws are: a shared error that was taken out of the likelihood is part of them.
+            forms = [likelihood_of(record) for record in alike.values()]
+            likelihoods, shifts = (
+                np.stack(some, axis=-1) for some in zip(*((f.precision, f.shift) for f in forms), strict=True)
+            )
+            log_weights += log_corrections(ratios, mean, precision, log_det, likelihoods, shifts).sum(axis=1)
+        return k, priors, log_weights
+
+    k, of_others, log_weights = (
+        np.full(len(data.campaigns), np.nan),
+        dict[str, PopulationPrior](),
+        np.zeros(len(log_hyper)),
+    )
+    for of_block, priors, weights in side_by_side(weigh, blocks):
+        k[list(of_block)] = list(of_block.values())
+        of_others |= priors
+        log_weights += weights
     return k, of_others, log_weights
 
 
@@ -380,4 +403,9 @@ def _remarks(data: TypeData, k: np.ndarray, correction_k: float, corrected: bool
 
 
 def _quantiles(draws: np.ndarray) -> Quantiles:
-    return Quantiles(*np.quantile(draws, [0.05, 0.5, 0.95], axis=0))
+    """Of draws (n, ...)."""
+    flat = draws.reshape(len(draws), -1)
+    # Columns by themselves, some at a time: a copy of all draws of thousands of trucks would double the memory.
+    pieces = np.array_split(np.arange(flat.shape[1]), max(1, flat.shape[1] // _COLUMNS_AT_ONCE))
+    found = side_by_side(lambda at: np.quantile(np.ascontiguousarray(flat[:, at].T), [0.05, 0.5, 0.95], axis=1), pieces)
+    return Quantiles(*np.concatenate(found, axis=1).reshape(3, *draws.shape[1:]))

@@ -15,18 +15,25 @@ from sysid.fleet.population import TypePopulation
 from sysid.fleet.population_file import write_population
 from sysid.fleet.read import read_fleet
 from sysid.fleet.records import Fleet
+from sysid.fleet.running import Row, campaign_output
+from sysid.fleet.status import rows_on_disk
+from sysid.fleet.summaries import read_ahead
 from sysid.progress import Progress
 
 
 @dataclass(frozen=True)
 class FleetResults:
-    """Populations of all types, axle loads, sentences about what to know of them, and the file that was written."""
+    """Populations of all types, axle loads, sentences about what to know of them, and the file that was written.
+
+    `rows` are all campaigns as they were when the populations were computed.
+    """
 
     fleet: Fleet
     populations: tuple[TypePopulation, ...]
     loads: tuple[PopulationLoad, ...]
     remarks: tuple[str, ...]
     file: Path
+    rows: tuple[Row, ...] = ()
 
 
 def compute(
@@ -55,10 +62,11 @@ def compute(
         If the folder cannot be written.
     """
     fleet = read_fleet(path)
-    # Once for both: the files of all campaigns are hashed.
-    of_types = {
-        kind: members(fleet, output, kind, with_doubtful) for kind in dict.fromkeys(t.type for t in fleet.trucks)
-    }
+    read_ahead([campaign_output(output, campaign.name) for _, campaign in fleet.campaigns()])
+    # Once for all: the files of all campaigns are hashed.
+    rows = tuple(rows_on_disk(fleet, output))
+    kinds = dict.fromkeys(t.type for t in fleet.trucks)
+    of_types = {kind: members(fleet, output, kind, with_doubtful, rows) for kind in kinds}
     with watched_cell(["population"]) if progress is None else nullcontext(progress) as said_to:
         by_type, said = populations(of_types.values(), fleet.shared, progress=said_to)
     if not by_type and not without_population:
@@ -70,4 +78,4 @@ def compute(
         loads += of_type
         remarks += said
     file = write_population(by_type, loads, remarks, output)
-    return FleetResults(fleet, tuple(by_type), tuple(loads), tuple(remarks), file)
+    return FleetResults(fleet, tuple(by_type), tuple(loads), tuple(remarks), file, rows)

@@ -53,7 +53,10 @@ RETRIES: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Row:
-    """One campaign in the table of the fleet: `state` is that of its outcome, ``queued`` or ``running``."""
+    """One campaign in the table of the fleet: `state` is that of its outcome, ``queued`` or ``running``.
+
+    `missing` names input files of finished campaigns that cannot be read.
+    """
 
     truck: str
     type: str
@@ -61,6 +64,7 @@ class Row:
     date: str
     state: str
     outcome: Outcome | None = None
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

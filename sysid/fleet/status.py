@@ -39,15 +39,18 @@ def rows_on_disk(fleet: Fleet, output: Path) -> Iterator[Row]:
         folder = campaign_output(output, campaign.name)
         outcome = read_outcome(folder)
         state: str = "queued"
+        missing: tuple[str, ...] = ()
         if is_running(folder):
             state, outcome = "running", None
         elif outcome is not None:
             state = outcome.state
-            if why := changes(outcome, campaign.folder, folder).sentence:
-                state, outcome = CHANGED, replace(outcome, sentence=why)
+            different = changes(outcome, campaign.folder, folder)
+            missing = different.missing
+            if different.sentence:
+                state, outcome = CHANGED, replace(outcome, sentence=different.sentence)
         elif is_plain(folder / PROGRESS_FILE):
             state = "interrupted"
-        yield Row(truck.name, truck.type, campaign.name, campaign.date, state, outcome)
+        yield Row(truck.name, truck.type, campaign.name, campaign.date, state, outcome, missing)
 
 
 def stage_of(output: Path, name: str) -> str:

@@ -5,9 +5,9 @@ A column that a campaign does not know is null.  SI units, speeds in km/h where 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from sysid.fleet.draws import RECORD_FILE, read_draws, thinned
 from sysid.fleet.outcome import FINISHED, RESULT_FILE
 from sysid.fleet.running import Row
 from sysid.fleet.status import row_fields
-from sysid.results.contents import Trust
+from sysid.fleet.summaries import Channel, Summary, channels_of, summary_of
 
 #: Version of the tables; a number up whenever a column changes its meaning or goes.
 SCHEMA = 1
@@ -135,21 +135,13 @@ def campaign_rows(row: Row, output: Path, folder: Path) -> dict[str, list[dict[s
 
 def channel_rows(row: Row, output: Path) -> list[dict[str, Any]]:
     """Rows of the table ``channels`` alone, of the campaign whose results are in `output`."""
-    document = read_json(output / RESULT_FILE) if _finished(row) else {}
-    try:
-        lines = _channels(document, row)
-    except (KeyError, TypeError, ValueError, AttributeError):
-        return []
-    return lines if all(_fits("channels", line) for line in lines) else []
+    return _channel_rows(summary_of(output).channels if _finished(row) else (), row)
 
 
 def verdict_of(row: Row, output: Path) -> tuple[str, str]:
     """Verdict of the campaign whose results are in `output`, as in result.json, and its first reason; else empty."""
-    judged = (read_json(output / RESULT_FILE) if _finished(row) else {}).get("verdict")
-    if not isinstance(judged, dict) or judged.get("trust") not in get_args(Trust):
-        return "", ""
-    reasons = judged.get("reasons")
-    return judged["trust"], str(reasons[0]) if isinstance(reasons, list) and reasons else ""
+    summary = summary_of(output) if _finished(row) else Summary()
+    return summary.verdict, summary.reason
 
 
 def _rows_of(document: Mapping[str, Any], row: Row, output: Path) -> dict[str, list[dict[str, Any]]]:
@@ -170,7 +162,7 @@ def _rows_of(document: Mapping[str, Any], row: Row, output: Path) -> dict[str, l
         "draws": _draws(of_row, output) if document else [],
         "predictions": [of_row | _prediction(p) | verdict for p in document.get("predictions", [])],
         "quality": [of_row | dict(v) for v in document.get("validation", [])],
-        "channels": _channels(document, row),
+        "channels": _channel_rows(channels_of(document), row),
     }
 
 
@@ -215,16 +207,9 @@ def _prediction(p: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _channels(document: Mapping[str, Any], row: Row) -> list[dict[str, Any]]:
+def _channel_rows(channels: Iterable[Channel], row: Row) -> list[dict[str, Any]]:
     of_row = {"campaign": row.campaign, "truck": row.truck, "type": row.type}
-    return [
-        {
-            **of_row,
-            **{k: c.get(k) for k in ("file", "channel", "kind", "verdict")},
-            "message": next(iter(c["messages"]), None),
-        }
-        for c in document.get("quality", [])
-    ]
+    return [of_row | channel._asdict() for channel in channels]
 
 
 def _draws(of_row: Mapping[str, Any], output: Path) -> list[dict[str, Any]]:

@@ -32,8 +32,9 @@ from sysid.files import (
     remove,
     write_text,
 )
+from sysid.fleet.changes import still_valid
 from sysid.fleet.key import calibration_key, folder_state
-from sysid.fleet.outcome import LOG_FILE, Outcome, read_outcome, still_valid, write_outcome
+from sysid.fleet.outcome import LOG_FILE, Outcome, read_outcome, write_outcome
 from sysid.folder_lock import cannot_write
 
 #: A task whose process was killed or died this often within one run of the fleet is set aside.

@@ -9,10 +9,13 @@ N(m, S): where two agree, the draws of one are too few.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from arviz_stats.base import array_stats  # type: ignore[attr-defined]  # its way of naming what is public
+
+from sysid.fleet.quadratic_forms import eliminated
 
 #: Above this a sum over weighted draws cannot be trusted.
 MOST_K = 0.7
@@ -42,54 +45,74 @@ def smoothed(log_weights: np.ndarray) -> Weights:
     return Weights(np.asarray(smooth), np.inf if few or np.isnan(k) else float(k))
 
 
-def _coefficients(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Of the log-density of N(mean (n, d), covariance (n, d, d)), in products, coordinates and 1, without 2 pi."""
-    precision = np.linalg.inv(covariance)
-    pull = np.einsum("nij,nj->ni", precision, mean)
-    i, j = np.triu_indices(mean.shape[1])
-    constant = np.einsum("ni,ni->n", pull, mean) + np.linalg.slogdet(covariance)[1]
-    products = precision[:, i, j] * np.where(i == j, -0.5, -1.0)
-    return np.concatenate([products, pull, -0.5 * constant[:, None]], axis=1)
-
-
 def log_ratios(
     draws: np.ndarray,
-    prior_mean: np.ndarray,
-    prior_covariance: np.ndarray,
+    prior: tuple[np.ndarray, np.ndarray],
     mean: np.ndarray,
-    covariance: np.ndarray,
+    precision: np.ndarray,
+    log_det: np.ndarray,
 ) -> np.ndarray:
-    """Logarithm of N(x_s; m, S) / N(x_s; m0, P) (h, n) at draws (n, d), for h Gaussians m (h, d), S (h, d, d)."""
+    """Logarithm of N(x_s; m, S) / N(x_s; m0, P) (h, n) at draws (n, d), for h Gaussians.
+
+    Parameters
+    ----------
+    prior : m0 (d,) and P (d, d).
+    mean, precision, log_det : m (h, d), the inverse of S (h, d, d), and log det S (h,).
+    """
     centre = draws.mean(axis=0)
     at = draws - centre
     i, j = np.triu_indices(at.shape[1])
     features = np.concatenate([at[:, i] * at[:, j], at, np.ones((len(at), 1))], axis=1)
-    prior = _coefficients(prior_mean[None] - centre, prior_covariance[None])
-    return np.asarray((_coefficients(mean - centre, covariance) - prior) @ features.T)
+    of_prior = _coefficients(prior[0][None] - centre, np.linalg.inv(prior[1])[None], np.linalg.slogdet(prior[1])[1])
+    return np.asarray((_coefficients(mean - centre, precision, log_det) - of_prior) @ features.T)
+
+
+def _coefficients(mean: np.ndarray, precision: np.ndarray, log_det: np.ndarray) -> np.ndarray:
+    """Of the log-density of Gaussians in products, coordinates and 1, without 2 pi."""
+    pull = (precision @ mean[..., None])[..., 0]
+    i, j = np.triu_indices(mean.shape[1])
+    constant = (pull * mean).sum(axis=1) + log_det
+    products = precision[:, i, j] * np.where(i == j, -0.5, -1.0)
+    return np.concatenate([products, pull, -0.5 * constant[:, None]], axis=1)
 
 
 def campaign_weights(ratios: np.ndarray) -> Weights:
     """Weights of draws, averaged over the Gaussians of draws of the hyperparameters, from log ratios (h, n)."""
-    top = ratios.max(axis=0)
-    return smoothed(top + np.log(np.exp(ratios - top).mean(axis=0)))
+    return smoothed(_log_mean(ratios.T))
 
 
-def log_correction(
-    ratios: np.ndarray, mean: np.ndarray, covariance: np.ndarray, precision: np.ndarray, shift: np.ndarray
+def log_corrections(
+    ratios: Iterable[np.ndarray],
+    mean: np.ndarray,
+    precision: np.ndarray,
+    log_det: np.ndarray,
+    likelihood: np.ndarray,
+    shift: np.ndarray,
 ) -> np.ndarray:
-    """Log ratio (h,) of a campaign's evidence under its draws to that under its Gaussian form, up to a constant.
+    """Log ratio (h, m) of the evidence of m campaigns under their draws to that under their Gaussian forms.
 
-    The first is the mean of exp(`ratios`) (h, n) over the draws; the second, with precision L and shift h of the
-    likelihood, the integral of exp(-x'Lx/2 + h'x) N(x; m, S).  With several campaigns of one truck it is a correction
-    of first order.
+    The first is the mean of exp(`ratios`) (h, n) over the draws; the second, with precision L and shift b of the
+    likelihood, the integral of exp(-x'Lx/2 + b'x) N(x; m, S).  Both are up to a constant.  With several campaigns of
+    one truck it is a correction of first order.
+
+    Parameters
+    ----------
+    mean, precision, log_det : m (h, d, m), the inverse of S (h, d, d, m), and log det S (h, m).
+    likelihood, shift : L (d, d, m), b (d, m).
     """
-    top = ratios.max(axis=1)
-    sampled = top + np.log(np.exp(ratios - top[:, None]).mean(axis=1))
-    mixed = np.eye(len(shift)) + precision @ covariance
-    pull = shift - np.einsum("ij,hj->hi", precision, mean)
-    gain = np.linalg.solve(mixed, pull[..., None])[..., 0]
-    gauss = 0.5 * np.einsum("hi,hij,hj->h", pull, covariance, gain, optimize=True)
-    gauss -= 0.5 * np.linalg.slogdet(mixed)[1]
-    gauss += np.einsum("i,hi->h", shift, mean)
-    gauss -= 0.5 * np.einsum("hi,ij,hj->h", mean, precision, mean, optimize=True)
-    return np.asarray(sampled - gauss)
+    # Of x about the middle of its means: about zero, differences of large numbers would be rounding.
+    centre = mean.mean(axis=0)
+    mean = mean - centre
+    own = np.einsum("hijm,hjm->him", precision, mean)
+    pull = own + shift - np.einsum("ijm,jm->im", likelihood, centre)
+    square = (own * mean).sum(axis=1)
+    rows = pull[:, None]
+    of_both = eliminated(precision + likelihood, rows)
+    gauss = 0.5 * ((rows[:, 0] ** 2).sum(axis=1) - square - of_both - log_det)
+    return np.asarray(np.stack([_log_mean(r) for r in ratios], axis=1) - gauss)
+
+
+def _log_mean(logs: np.ndarray) -> np.ndarray:
+    """Logarithm of the mean over the last axis of what these are logarithms of."""
+    top = logs.max(axis=-1)
+    return np.asarray(top + np.log(np.exp(logs - top[..., None]).mean(axis=-1)))

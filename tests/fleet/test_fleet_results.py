@@ -21,6 +21,7 @@ from selectolax.lexbor import LexborHTMLParser
 from sysid.cli.main import cli
 from sysid.errors import DataRejectedError
 from sysid.fleet.assembly import StoredDraws, assemble
+from sysid.fleet.draws import RECORD_FILE, record_digest
 from sysid.fleet.hierarchy import HyperPriors
 from sysid.fleet.index import schema_text, write_index
 from sysid.fleet.instruments import instrument_problems
@@ -84,6 +85,7 @@ def test_shared_errors_and_lost_records(fleet_folders: tuple[Path, Path], tmp_pa
     wide = SharedError("too wide", 0.5, {"stiffness": 1.0}, ("T2-1",))
     doubtful = assemble(of_type, (wide,), HyperPriors())
     assert any("too narrow to allow for 'too wide'" in r for r in doubtful.remarks)
+    assert doubtful.data.moved[1, :, 0].tolist() == [1.0, 1.0, 0.0, 0.0]
     draws = StoredDraws(found.members, found.data.names)
     assert len(draws) == 11
     assert draws[0].names == NAMES[:4]
@@ -337,6 +339,25 @@ def test_a_result_that_was_edited_counts_nowhere(fleet_folders: tuple[Path, Path
     assert {row.campaign: row.state for row in rows_on_disk(fleet, output)}["T4-1"] == "done"
 
 
+def test_draws_of_another_campaign_count_nowhere(fleet_folders: tuple[Path, Path], tmp_path: Path) -> None:
+    """Whole and with the right checksum, but not those of this campaign's result."""
+    fleet, output = read_fleet(fleet_folders[0]), tmp_path / "out"
+    shutil.copytree(fleet_folders[1], output)
+    for name in ("T2-1", "T3-1"):
+        place = campaign_output(output, name)
+        files = {
+            "file_sha256": file_digests(place, ["result.json"])["result.json"],
+            "draws_sha256": record_digest(place),
+        }
+        write_outcome(place, replace(read_outcome(place), **files))
+    assert {row.state for row in rows_on_disk(fleet, output)} == {"done"}
+    shutil.copy(campaign_output(output, "T3-1") / RECORD_FILE, campaign_output(output, "T2-1") / RECORD_FILE)
+    states = {row.campaign: row for row in rows_on_disk(fleet, output)}
+    assert {name for name, row in states.items() if row.state == "changed"} == {"T2-1"}
+    assert states["T2-1"].outcome.sentence == f"its {RECORD_FILE} is missing or not the one that was computed"
+    assert "T2-1" not in {m.campaign for m in members(fleet, output, "short truck").campaigns}
+
+
 def test_status_is_told_from_facts(fleet_folders: tuple[Path, Path], tmp_path: Path) -> None:
     fleet, output = read_fleet(fleet_folders[0]), tmp_path / "out"
     shutil.copytree(fleet_folders[1], output)
@@ -353,6 +374,7 @@ def test_status_is_told_from_facts(fleet_folders: tuple[Path, Path], tmp_path: P
         assert process.stdout.readline() == "held\n"
         states = {row.campaign: row.state for row in rows_on_disk(fleet, output)}
         assert (states["T1-1"], states["T1-2"], states["T2-1"]) == ("interrupted", "running", "done")
+        assert "campaign T1-2 is left out: a process works on it" in members(fleet, output, "short truck").remarks
         process.kill()
     assert {row.campaign: row.state for row in rows_on_disk(fleet, output)}["T1-2"] == "interrupted"
 

@@ -230,4 +230,47 @@
   }
 
   document.querySelectorAll(".explorer").forEach(explorer);
+
+  // Long tables: rows that hold the words of the search, in the order of the column whose head was pressed.
+  function longTable(root) {
+    var box = root.querySelector("input"), output = root.querySelector("output"), body = root.querySelector("tbody");
+    var rows = Array.from(body.rows), words = rows.map(function (row) { return row.textContent.toLowerCase(); });
+    var order = new Intl.Collator(undefined, { numeric: true });
+
+    function search() {
+      var asked = box.value.toLowerCase().split(/\s+/).filter(Boolean), shown = 0;
+      rows.forEach(function (row, i) {
+        row.hidden = !asked.every(function (word) { return words[i].includes(word); });
+        shown += row.hidden ? 0 : 1;
+      });
+      output.textContent = asked.length ? shown + " of " + rows.length : "";
+    }
+
+    function sort(head) {
+      var down = head.getAttribute("aria-sort") === "ascending", numbers = head.classList.contains("num");
+      root.querySelectorAll("th[aria-sort]").forEach(function (other) { other.removeAttribute("aria-sort"); });
+      head.setAttribute("aria-sort", down ? "descending" : "ascending");
+      var keys = new Map(rows.map(function (row) {
+        var text = row.cells[head.cellIndex].textContent.trim();
+        return [row, numbers ? parseFloat(text.replace("\u2212", "-")) : text];
+      }));
+      var none = function (key) { return numbers ? isNaN(key) : key === ""; };
+      body.append.apply(body, Array.from(keys.keys()).sort(function (a, b) {
+        var x = keys.get(a), y = keys.get(b);
+        if (none(x) || none(y)) return none(x) - none(y);
+        return (down ? -1 : 1) * (numbers ? x - y : order.compare(x, y));
+      }));
+    }
+
+    root.querySelector("p").hidden = false;
+    box.addEventListener("input", search);
+    root.querySelectorAll("thead th").forEach(function (head) {
+      var name = head.textContent;
+      head.textContent = "";
+      element(head, "button", { type: "button", title: "Sort by " + name }, name)
+        .addEventListener("click", function () { sort(head); });
+    });
+  }
+
+  document.querySelectorAll(".long").forEach(longTable);
 })();
