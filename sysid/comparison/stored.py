@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from sysid.errors import CampaignError, StoredResultsError
 from sysid.export.covariance_json import COVARIANCE_FILE, SCHEMA_VERSION
-from sysid.export.identity import Identity, identity_of
+from sysid.export.identity import Identity, content_sha256, identity_of
 from sysid.files import read_json
 from sysid.results.contents import Status, Trust
 from sysid.wording import shorten
@@ -184,6 +184,11 @@ def read_result(folder: Path) -> StoredResult:
     if not isinstance(stamp, dict) or stamp.get("result_sha256") != identity.result_sha256:
         raise StoredResultsError(
             f"{RESULT_FILE} and {COVARIANCE_FILE} in {name} are of two calibrations; run 'export' again."
+        )
+    # Files of earlier versions do not say what they held.
+    if stamp.get("content_sha256", content_sha256(covariance)) != content_sha256(covariance):
+        raise StoredResultsError(
+            f"{name}/{COVARIANCE_FILE} was changed after it was written; run 'export' or the calibration again."
         )
     details = read.test.model_dump()
     declared = joint.declared

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.export.identity import content_sha256
 from sysid.export.result_json import result_identity
 from sysid.files import write_text
 from sysid.results.contents import Results
@@ -35,7 +36,8 @@ def covariance_document(results: Results) -> dict[str, Any] | None:
     - `errors`: of declared masses and of the contact model, in standard deviations `sd` before the data: `kind`,
       `place` (axle, body or beam, from 1), `load_case`, the `declared` value, the `estimate`;
     - `error_covariance` of these, and `sensitivity`: by how much a logarithm changes per standard deviation of each;
-    - `declared`: axles, positions, and axle loads as weighed, by load case [kg].
+    - `declared`: axles, positions, and axle loads as weighed, by load case [kg];
+    - `identity`: `run`, hashes of inputs and result as in `result.json`, and that of all of this without `identity`.
     """
     fit = results.fit
     if fit is None or fit.further is None:
@@ -43,9 +45,8 @@ def covariance_document(results: Results) -> dict[str, Any] | None:
     identity, further = result_identity(results), fit.further
     centre, covariance = _normal(fit, results.posterior)
     vehicle = results.campaign.vehicle
-    return {
+    document = {
         "schema": SCHEMA_VERSION,
-        "identity": {"run": identity.run, "result_sha256": identity.result_sha256},
         "converged": bool(fit.converged),
         "estimates": [
             {
@@ -87,6 +88,13 @@ def covariance_document(results: Results) -> dict[str, Any] | None:
             },
         },
     }
+    document["identity"] = {
+        "run": identity.run,
+        "inputs_sha256": identity.inputs_sha256,
+        "result_sha256": identity.result_sha256,
+        "content_sha256": content_sha256(document),
+    }
+    return document
 
 
 def write_covariance(results: Results, path: Path) -> bool:

@@ -16,7 +16,7 @@ SCHEMA_VERSION = 1
 
 
 def remember_files(folder: Path, written: Iterable[Path], identity: Identity) -> None:
-    """Enter files below an output folder into its list: run, date and hash of the result, and SHA-256 of the file.
+    """Enter files below an output folder into its list: run, date, hashes of inputs and result, SHA-256 of the file.
 
     Files of which the list knows, and that are there no longer, go from it; other entries stay.
 
@@ -30,7 +30,12 @@ def remember_files(folder: Path, written: Iterable[Path], identity: Identity) ->
     for path in written:
         content = read_bytes(path)
         if content is not None:
-            about = {"run": identity.run, "date": identity.date or None, "result_sha256": identity.result_sha256}
+            about = {
+                "run": identity.run,
+                "date": identity.date or None,
+                "inputs_sha256": identity.inputs_sha256,
+                "result_sha256": identity.result_sha256,
+            }
             files[path.relative_to(folder).as_posix()] = {"sha256": hashlib.sha256(content).hexdigest(), **about}
     document = {"schema": SCHEMA_VERSION, "files": dict(sorted(files.items()))}
     write_text(folder / FILE_LIST, json.dumps(document, indent=1, ensure_ascii=False) + "\n")

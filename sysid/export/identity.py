@@ -9,24 +9,26 @@ from dataclasses import dataclass
 from typing import Any
 
 #: Keys of `result.json` that differ between runs with the same result.
-_OF_THE_RUN = ("timings", "identity")
+_OF_THE_RUN = ("timings", "identity", "Comment")
 
 
 @dataclass(frozen=True)
 class Identity:
     """`run`: short hash of inputs, options and versions; `result_sha256`: of the content of `result.json` without
-    times; `date`: when the last stage was computed (ISO 8601, UTC), empty where it is not known.
+    times; `date`: when the last stage was computed (ISO 8601, UTC), empty where it is not known; `inputs_sha256`: of
+    the names and hashes of the input files.
     """
 
     run: str
     result_sha256: str
     date: str
+    inputs_sha256: str
 
     @property
     def line(self) -> str:
-        """All three on one line, for comments and footers."""
+        """All of them on one line, for comments and footers."""
         date = f", {self.date}" if self.date else ""
-        return f"sysid run {self.run}{date}, result sha256 {self.result_sha256}"
+        return f"sysid run {self.run}{date}, inputs sha256 {self.inputs_sha256}, result sha256 {self.result_sha256}"
 
 
 def identity_of(document: Mapping[str, Any]) -> Identity:
@@ -39,7 +41,8 @@ def identity_of(document: Mapping[str, Any]) -> Identity:
     made = {key: document.get(key) for key in ("campaign", "inputs", "seed", "status", "versions")}
     stamp = document.get("identity")
     date = stamp.get("date") if isinstance(stamp, dict) else None
-    return Identity(_digest(made)[:12], content_sha256(document), date if isinstance(date, str) else "")
+    date = date if isinstance(date, str) else ""
+    return Identity(_digest(made)[:12], content_sha256(document), date, _digest(document.get("inputs")))
 
 
 def content_sha256(document: Mapping[str, Any]) -> str:
@@ -47,12 +50,14 @@ def content_sha256(document: Mapping[str, Any]) -> str:
     return _digest({key: value for key, value in document.items() if key not in _OF_THE_RUN})
 
 
-def _digest(content: Mapping[str, Any]) -> str:
+def _digest(content: Mapping[str, Any] | None) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def stamped(name: str, text: str, identity: Identity) -> str:
-    """The text of a file with the identity of its result where its format has a place for remarks.
+    """The text of a file with the identity of its result, and its own hash, where its format has a place for remarks.
+
+    The hash is that of the text without them, in JSON that of the content without its comment.
 
     SVG has its metadata, LS-DYNA a comment, Chrono the key ``Comment``, HTML a ``meta`` element. CSV has none: for it,
     and for all others, :mod:`sysid.export.file_list` says which result they are from.
@@ -61,7 +66,9 @@ def stamped(name: str, text: str, identity: Identity) -> str:
     ----------
     name : of the file; its ending decides.
     """
-    line = identity.line
+    document = json.loads(text) if name.endswith(".json") else {}
+    own = content_sha256(document) if document else hashlib.sha256(text.encode()).hexdigest()
+    line = f"{identity.line}, own sha256 {own}"
     if name.endswith(".svg"):
         begin = text.index(">", text.index("<svg")) + 1
         return f"{text[:begin]}\n <desc>{line}</desc>{text[begin:]}"
@@ -73,7 +80,6 @@ def stamped(name: str, text: str, identity: Identity) -> str:
         meta = '<meta charset="utf-8">'
         return text.replace(meta, f'{meta}\n<meta name="generator" content="{line}">', 1)
     if name.endswith(".json"):
-        document = json.loads(text)
         document["Comment"] = f"{document.get('Comment', '').rstrip('.')}. {line}.".lstrip(". ")
         return json.dumps(document, indent=2, allow_nan=False) + "\n"
     return text

@@ -169,6 +169,7 @@ def test_a_doubtful_campaign_is_named_first(before, tmp_path) -> None:
         (lambda f: change(f, "error_covariance", [[1.0, 2.0], [2.0, 1.0]]), StoredResultsError, "are damaged"),
         (lambda f: change(f, "estimates", []), StoredResultsError, "are damaged"),
         (lambda f: change(f, "seed", 77, "result.json"), StoredResultsError, "was changed after it was written"),
+        (lambda f: change(f, "converged", False), StoredResultsError, "covariance.json was changed"),
         (lambda f: write_result(results(seed=9), f / "result.json"), StoredResultsError, "are of two calibrations"),
     ],
 )  # fmt: skip

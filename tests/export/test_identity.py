@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from sysid.export.file_list import FILE_LIST, remember_files
 from sysid.export.identity import Identity, content_sha256, identity_of, stamped
 from sysid.export.result_json import result_document
 
-IDENTITY = Identity("1234abcd5678", "ab" * 32, "2026-11-28T02:15:35+00:00")
+IDENTITY = Identity("1234abcd5678", "ab" * 32, "2026-11-28T02:15:35+00:00", "cd" * 32)
 
 
 def test_the_hash_is_that_of_the_content_without_times() -> None:
@@ -46,16 +47,25 @@ def test_a_run_is_told_by_its_inputs_options_and_versions() -> None:
 
 def test_figures_have_it_as_their_description() -> None:
     svg = '<?xml version="1.0"?>\n<svg xmlns="http://www.w3.org/2000/svg" width="3"><g/></svg>'
-    root = ET.fromstring(stamped("figures/a.svg", svg, IDENTITY))
+    text = stamped("figures/a.svg", svg, IDENTITY)
+    root = ET.fromstring(text)
     assert root[0].tag.endswith("desc")
-    assert root[0].text == IDENTITY.line
+    own = hashlib.sha256(svg.encode()).hexdigest()
+    assert root[0].text == f"{IDENTITY.line}, own sha256 {own}"
+    # Anybody finds it again: without the element the file is what was hashed.
+    assert re.sub("\n <desc>.*</desc>", "", text) == svg
 
 
 def test_decks_have_it_as_comments_that_keep_their_columns() -> None:
     deck = "*KEYWORD\n$ Units\n*END\n"
     text = stamped("models/a/lsdyna.k", deck, IDENTITY)
     assert text.startswith("*KEYWORD\n$ ")
-    assert IDENTITY.result_sha256 in text
+    assert {IDENTITY.result_sha256, IDENTITY.inputs_sha256} <= set(text.split())
+    assert f"$ own sha256 {hashlib.sha256(deck.encode()).hexdigest()}" in text.splitlines()
+    words = [*IDENTITY.line.split(", "), "own sha256"]
+    assert (
+        "".join(line for line in text.splitlines(True) if not line.startswith(tuple(f"$ {w}" for w in words))) == deck
+    )
     assert max(map(len, text.splitlines())) <= 80
     read, plain = read_deck(text), read_deck(deck)
     assert read.comments[-1:] == plain.comments
@@ -64,7 +74,9 @@ def test_decks_have_it_as_comments_that_keep_their_columns() -> None:
 
 def test_patches_have_it_in_their_comment() -> None:
     patch = json.loads(stamped("a.json", json.dumps({"Comment": "Axle 1.", "Spring": {"Preload": 1.5}}), IDENTITY))
-    assert patch == {"Comment": f"Axle 1. {IDENTITY.line}.", "Spring": {"Preload": 1.5}}
+    own = hashlib.sha256(b'{"Spring": {"Preload": 1.5}}').hexdigest()
+    comment = f"Axle 1. {IDENTITY.line}, own sha256 {own}."
+    assert patch == {"Comment": comment, "Spring": {"Preload": 1.5}}
 
 
 def test_tables_stay_as_they_are() -> None:
@@ -78,7 +90,12 @@ def test_the_list_has_every_file_with_its_own_hash(tmp_path: Path) -> None:
         path.write_text(path.name, encoding="utf-8")
     remember_files(tmp_path, paths, IDENTITY)
     files = json.loads((tmp_path / FILE_LIST).read_text(encoding="utf-8"))["files"]
-    about = {"run": IDENTITY.run, "date": IDENTITY.date, "result_sha256": IDENTITY.result_sha256}
+    about = {
+        "run": IDENTITY.run,
+        "date": IDENTITY.date,
+        "inputs_sha256": IDENTITY.inputs_sha256,
+        "result_sha256": IDENTITY.result_sha256,
+    }
     assert files == {
         "a.csv": {"sha256": hashlib.sha256(b"a.csv").hexdigest(), **about},
         "predictions/b.csv": {"sha256": hashlib.sha256(b"b.csv").hexdigest(), **about},
