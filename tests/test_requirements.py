@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
 from packaging.version import Version
+
+from tools.audit import weak
 
 ROOT = Path(__file__).resolve().parents[1]
 REQUIREMENTS = ROOT / "requirements"
@@ -95,6 +99,29 @@ def test_locks_name_no_place_to_load_from(name: str) -> None:
 def test_a_requirement_without_a_hash_is_seen() -> None:
     with pytest.raises(AssertionError, match="has no hash"):
         locked("numpy==2.4.6\n")
+
+
+@pytest.mark.parametrize("name", LOCKS)
+def test_no_locked_version_has_a_weakness_that_is_listed(name: str) -> None:
+    known = (REQUIREMENTS / "weaknesses.json").read_text(encoding="utf-8")
+    assert weak((REQUIREMENTS / f"{name}.txt").read_text(encoding="utf-8"), known) == []
+
+
+def test_a_planted_weak_version_turns_the_audit_red(tmp_path: Path) -> None:
+    text = (REQUIREMENTS / "run.txt").read_text(encoding="utf-8")
+    planted = re.sub(r"^filelock==\S+", "filelock==3.16.1", text, flags=re.MULTILINE)
+    for lock_text, code, said in ((text, 0, ""), (planted, 1, "filelock 3.16.1: CVE-2025-68146 (versions <3.20.1)")):
+        (tmp_path / "lock.txt").write_text(lock_text, encoding="utf-8")
+        command = [sys.executable, "-m", "tools.audit", str(tmp_path / "lock.txt")]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+        assert done.returncode == code, done.stderr
+        assert said in done.stdout
+    assert not weak("Filelock==3.20.3 \\\n", (REQUIREMENTS / "weaknesses.json").read_text(encoding="utf-8"))
+
+
+def test_every_weakness_is_of_a_part() -> None:
+    known = json.loads((REQUIREMENTS / "weaknesses.json").read_text(encoding="utf-8"))["weaknesses"]
+    assert {plain(k["part"]) for k in known} <= lock("run").keys()
 
 
 def test_lists_of_parts_and_licences_are_those_of_the_lock() -> None:
