@@ -119,10 +119,10 @@ def emcee_moves(moves: Callable[[], list[tuple[emcee.moves.Move, float]]]) -> Sa
         spread = 2.0 * target.covariance
         seeds = np.random.SeedSequence(seed).spawn(ENSEMBLES)
         states = [first(density, target.names, target.centre, spread, walkers, s) for s in seeds]
-        ensembles = [Ensemble(density, moves(), state) for state in states]
+        ensembles = [Ensemble(moves(), state) for state in states]
         history, begin = History(), time.process_time()
         while time.process_time() - begin < limit_s:
-            history.append(advance(ensembles, STRETCH))
+            history.append(advance(density, ensembles, STRETCH))
         found = diagnose(history.draws)
         kept = 1.0 - found.burn_in / history.steps
         remark = f"{ENSEMBLES} ensembles of {walkers} walkers, {history.steps} steps"

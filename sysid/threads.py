@@ -69,6 +69,24 @@ def side_by_side(
     return tuple(_kept_pool(thread_count(), os.getpid()).map(function, work))
 
 
+def in_threads_of_their_own(
+    function: Callable[[_Item], _Result], items: Iterable[_Item], stop: Callable[[], None]
+) -> tuple[_Result, ...]:
+    """Results of a function for all items, in their order, all under way at the same time: they may wait for others.
+
+    Parameters
+    ----------
+    stop : ends what they wait for, called where this thread is interrupted.
+    """
+    work = tuple(items)
+    with ThreadPoolExecutor(max_workers=len(work), initializer=_begin, initargs=(True,)) as pool:
+        try:
+            return tuple(pool.map(function, work))
+        except BaseException:
+            stop()
+            raise
+
+
 #: Whether this thread is one of those that are kept, or works for one of them.
 _OF_THREAD = threading.local()
 

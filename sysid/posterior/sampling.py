@@ -87,7 +87,7 @@ def sample_posterior(
         states = _states(density, names, centre, covariance, options, resumed)
         # Moves of its own for each: emcee's keep a step size while they propose, and two ensembles run at a time.
         proposals = _proposals(history, centre, covariance, options)
-        ensembles = [Ensemble(density, posterior_moves(*proposals), state) for state in states]
+        ensembles = [Ensemble(posterior_moves(*proposals), state) for state in states]
         # A chain that had already converged when it is resumed must not grow.
         judged_at = history.steps if _due(history.steps, options) else 0
         diagnosis = _judged(history, options) if judged_at else None
@@ -99,7 +99,7 @@ def sample_posterior(
 
         while not _finished(diagnosis, history.steps, options):
             say(0.0)
-            segment = advance(ensembles, options.segment_steps, say)
+            segment = advance(density, ensembles, options.segment_steps, say)
             if checkpoint is not None:
                 checkpoint.append(segment)
             history.append(segment)

@@ -78,7 +78,9 @@ def group_inputs(
     road = wheel_road(arrays, model.roads[position], motion.of(runs), shape)
     factor = np.linalg.inv(np.linalg.cholesky(normal))
     scales = weights.noise_sd[position], weights.tempering[position]
-    columns = Columns(np.ascontiguousarray(residual), np.ascontiguousarray(gain))
+    # In the order in which the native engine reads them: a copy at every call would take as long as a simulation.
+    along = np.ascontiguousarray(residual.transpose(1, 3, 2, 0)).transpose(3, 0, 2, 1)
+    columns = Columns(along, np.ascontiguousarray(gain))
     return GroupInputs(arrays, road, *scales, columns, offset, factor, constant)
 
 

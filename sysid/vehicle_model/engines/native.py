@@ -130,7 +130,8 @@ def misfit_call(
     columns: Columns,
 ) -> Call:
     """The call that computes misfits, also for the benchmark without Python."""
-    more = {**readings._asdict(), **{f"columns_{name}": array for name, array in columns._asdict().items()}}
+    along = columns.residual.transpose(1, 3, 2, 0)
+    more = {**readings._asdict(), "columns_residual": along, "columns_gain": columns.gain}
     return _call("misfits", matrices, laws, road, timing, layout, recursion, more)
 
 

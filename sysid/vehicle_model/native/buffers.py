@@ -123,7 +123,7 @@ BLOCKS: dict[str, tuple[Buffer, ...]] = {
         Buffer("gain_sd", ("C",), "of Readings"),
     ),
     "columns": (
-        Buffer("columns_residual", ("T", "R", "C", "K"), "of Columns"),
+        Buffer("columns_residual", ("R", "K", "C", "T"), "of Columns, the samples of a channel next to each other"),
         Buffer("columns_gain", ("R", "C", "K"), "of Columns"),
     ),
 }

@@ -242,9 +242,8 @@ class Inputs {
   }
 
   Columns columns(int64_t r, int first) const {
-    const int64_t n = shape(first + kColumnsResidual)[3], c = channels.count(), own = r * c * n;
-    const double* along = data(first + kColumnsResidual) + own;
-    return {by_channel(along, clock.samples, runs * c * n, c, n), numbers(first + kColumnsGain, own, c * n),
+    const int64_t n = shape(first + kColumnsResidual)[1], own = r * channels.count() * n;
+    return {data(first + kColumnsResidual) + own * clock.samples, numbers(first + kColumnsGain, own, channels.count() * n),
             static_cast<int>(n)};
   }
 

@@ -69,26 +69,45 @@ Problem histories(const Inputs& in, double* const* out) {
   return finish(known);
 }
 
-// Squares (R, S) of every run and set, and products with columns (R, K, S); the signals of a task never leave the cache.
+// Squares (R, S) and products with columns (R, K, S) of one run and some packs of sets; their signals never leave the
+// cache.
+template <int kPacks>
+bool misfits_of(const Inputs& in, const Measured& measured, const Lanes* lanes, double* const* out) {
+  const int64_t channels = in.channels.count(), r = lanes->run[0];
+  const Columns& columns = measured.columns[r];
+  const std::unique_ptr<Pack[]> signals(new Pack[kPacks * in.clock.samples * channels]);  // (C, T) of each
+  std::vector<Pack> products(kPacks * columns.count);
+  Pack squares[kPacks], *signal[kPacks], *product[kPacks];
+  bool known = true;
+  for (int p = 0; p < kPacks; ++p) {
+    signal[p] = &signals[p * in.clock.samples * channels];
+    product[p] = products.data() + p * columns.count;
+    known &= simulate(in, in.run(r), in.laws(lanes[p]), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
+      for (int64_t c = 0; c < channels; ++c) signal[p][c * in.clock.samples + t] = shown[c];
+    });
+  }
+  misfit<kPacks>(measured.readings[r], columns, signal, static_cast<int>(channels), squares, product);
+  for (int p = 0; p < kPacks; ++p) {
+    store(squares[p], out[kMisfitsSquares], 1, 0, lanes[p], in.sets);
+    for (int k = 0; k < columns.count; ++k) store(product[p][k], out[kMisfitsProducts], columns.count, k, lanes[p], in.sets);
+  }
+  return known;
+}
+
+// Squares (R, S) of every run and set, and products with columns (R, K, S).
 Problem misfits(const Inputs& in, double* const* out) {
-  const int64_t channels = in.channels.count();
+  // Packs of one run stand next to each other: two of them go through the columns together.
+  constexpr int64_t together = 2;
   const std::vector<Lanes> packs = in.packs_of_sets();
+  const int64_t of_run = packs.size() / in.runs, tasks = (of_run + together - 1) / together;
   const Measured measured(in, kMisfitsReadings, kMisfitsColumns);
   std::atomic<bool> known{true};
-  share(packs.size(), [&](int64_t task) {
-    const Lanes& lanes = packs[task];
-    const int64_t r = lanes.run[0];
-    const std::unique_ptr<Pack[]> signal(new Pack[in.clock.samples * channels]);  // (C, T)
-    known = simulate(in, in.run(r), in.laws(lanes), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
-      for (int64_t c = 0; c < channels; ++c) signal[c * in.clock.samples + t] = shown[c];
-    });
-    const Columns& columns = measured.columns[r];
-    std::vector<Pack> products(columns.count);
-    const Pack squares =
-        misfit(measured.readings[r], columns, signal.get(), static_cast<int>(channels), products.data());
-    store(squares, out[kMisfitsSquares], 1, 0, lanes, in.sets);
-    for (int k = 0; k < columns.count; ++k)
-      store(products[k], out[kMisfitsProducts], columns.count, k, lanes, in.sets);
+  share(in.runs * tasks, [&](int64_t task) {
+    const int64_t first = task % tasks * together;
+    const Lanes* lanes = &packs[task / tasks * of_run + first];
+    const bool found =
+        first + together <= of_run ? misfits_of<together>(in, measured, lanes, out) : misfits_of<1>(in, measured, lanes, out);
+    if (!found) known = false;
   });
   return finish(known);
 }

@@ -3,18 +3,18 @@
 #pragma once
 
 #include <algorithm>
+#include <type_traits>
 #include <vector>
 
 #include "integration.h"
 
 namespace sysid {
 
-// Rows (T, C, n) of one run, `stride` apart, as (n, C, T): what follows goes through the samples of channel after channel.
-inline std::vector<double> by_channel(const double* rows, int64_t samples, int64_t stride, int64_t channels, int n = 1) {
-  std::vector<double> all(n * channels * samples);
+// Rows (T, C) of one run, `stride` apart, as (C, T): what follows goes through the samples of channel after channel.
+inline std::vector<double> by_channel(const double* rows, int64_t samples, int64_t stride, int64_t channels) {
+  std::vector<double> all(channels * samples);
   for (int64_t t = 0; t < samples; ++t)
-    for (int64_t c = 0; c < channels; ++c)
-      for (int k = 0; k < n; ++k) all[(k * channels + c) * samples + t] = rows[t * stride + c * n + k];
+    for (int64_t c = 0; c < channels; ++c) all[c * samples + t] = rows[t * stride + c];
   return all;
 }
 
@@ -84,48 +84,55 @@ inline V residual(const Readings& data, const SensorFit<V>& fit, const V& y, int
   return fit.scale * counted;
 }
 
-// Columns of one run, (n, C, T) and (C, n).
+// Columns of one run, (n, C, T) where they are, and (C, n).
 struct Columns {
-  std::vector<double> along, gain;
+  const double* along;
+  std::vector<double> gain;
   int count;
 };
 
-// r'r and the products A'r of the residuals of a run with n columns, (n,); signals (C, T) are overwritten.
-inline Pack misfit(const Readings& data, const Columns& columns, Pack* signals, int channels, Pack* products) {
+// r'r and the products A'r of the residuals of a run with n columns, for each of some packs of sets: `squares` has a
+// number for each, `products` n; their signals (C, T) are overwritten.
+template <int kPacks>
+inline void misfit(const Readings& data, const Columns& columns, Pack* const* signals, int channels, Pack* squares,
+                   Pack* const* products) {
   constexpr int kTogether = 4;
   const int n = columns.count;
-  Pack squares{};
-  std::fill(products, products + n, Pack{});
-  for (int c = 0; c < channels; ++c) {
-    Pack* shown = signals + c * data.samples;
-    const SensorFit<Pack> fit = fit_sensor(data, shown, c);
-    const Pack g = fit.gain_residual;
-    squares += g * g;
-    for (int k = 0; k < n; ++k) products[k] += columns.gain[n * c + k] * g;
-    for (int64_t t = 0; t < data.samples; ++t) {
-      const Pack r = residual(data, fit, shown[t], t, c);
-      shown[t] = r;
-      squares += r * r;
-    }
-    const auto column = [&](int k) { return &columns.along[(k * channels + c) * data.samples]; };
-    int k = 0;
-    // The residuals of a channel stay in the nearest cache, the columns do not: some columns at a time.
-    for (; k + kTogether <= n; k += kTogether) {
-      const double* of[kTogether];
-      Pack sums[kTogether] = {};
-      for (int j = 0; j < kTogether; ++j) of[j] = column(k + j);
-      for (int64_t t = 0; t < data.samples; ++t)
-        for (int j = 0; j < kTogether; ++j) sums[j] += of[j][t] * shown[t];
-      for (int j = 0; j < kTogether; ++j) products[k + j] += sums[j];
-    }
-    for (; k < n; ++k) {
-      const double* of = column(k);
-      Pack sum{};
-      for (int64_t t = 0; t < data.samples; ++t) sum += of[t] * shown[t];
-      products[k] += sum;
-    }
+  const int64_t samples = data.samples;
+  for (int p = 0; p < kPacks; ++p) {
+    squares[p] = Pack{};
+    std::fill(products[p], products[p] + n, Pack{});
   }
-  return squares;
+  for (int c = 0; c < channels; ++c) {
+    Pack* shown[kPacks];
+    for (int p = 0; p < kPacks; ++p) {
+      shown[p] = signals[p] + c * samples;
+      const SensorFit<Pack> fit = fit_sensor(data, shown[p], c);
+      const Pack g = fit.gain_residual;
+      squares[p] += g * g;
+      for (int k = 0; k < n; ++k) products[p][k] += columns.gain[n * c + k] * g;
+      for (int64_t t = 0; t < samples; ++t) {
+        const Pack r = residual(data, fit, shown[p][t], t, c);
+        shown[p][t] = r;
+        squares[p] += r * r;
+      }
+    }
+    // The residuals of a channel stay in a near cache, the columns do not: some of each at a time.
+    const auto summed = [&](int first, auto together) {
+      constexpr int count = together;
+      const double* of[count];
+      for (int j = 0; j < count; ++j) of[j] = columns.along + ((first + j) * channels + c) * samples;
+      Pack sums[kPacks][count] = {};
+      for (int64_t t = 0; t < samples; ++t)
+        for (int p = 0; p < kPacks; ++p)
+          for (int j = 0; j < count; ++j) sums[p][j] += of[j][t] * shown[p][t];
+      for (int p = 0; p < kPacks; ++p)
+        for (int j = 0; j < count; ++j) products[p][first + j] += sums[p][j];
+    };
+    int k = 0;
+    for (; k + kTogether <= n; k += kTogether) summed(k, std::integral_constant<int, kTogether>{});
+    for (; k < n; ++k) summed(k, std::integral_constant<int, 1>{});
+  }
 }
 
 }  // namespace sysid
