@@ -43,13 +43,18 @@ class Diagnosis:
 
 
 def diagnose(
-    draws: WalkerDraws, least_burn_in: int = 0, log_probability: EnsemblesByStepsByWalkers | None = None
+    draws: WalkerDraws,
+    least_burn_in: int = 0,
+    log_probability: EnsemblesByStepsByWalkers | None = None,
+    *,
+    near: bool = False,
 ) -> Diagnosis:
     """Judge draws (E, steps, W, p) and, where it is given, their log-density (E, steps, W).
 
     tau is averaged over the ensembles. Burn-in is five times the largest tau of the steps behind `least_burn_in`, at
-    most half of the run, and at least `least_burn_in` if that leaves a fifth of the run. Effective draws (bulk) and
-    R-hat are those of A. Vehtari et al., Rank-normalization, folding, and localization, Bayesian Analysis 16 (2021),
+    most half of the run, or a quarter where the posterior is `near` to the normal distribution from which the walkers
+    start, and at least `least_burn_in` if that leaves a fifth of the run. Effective draws (bulk) and R-hat are those of
+    A. Vehtari et al., Rank-normalization, folding, and localization, Bayesian Analysis 16 (2021),
     doi:10.1214/20-BA1221, with ensembles as chains, never the dependent walkers of one ensemble, in the order of
     ``posterior.nc``. tau of a short run is not used to count draws: there the walkers are each taken about their own
     mean, and tau is too small.
@@ -57,7 +62,7 @@ def diagnose(
     steps = draws.shape[1]
     least = least_burn_in if 5 * least_burn_in <= 4 * steps else steps // 2
     tau = _autocorrelation_time(draws[:, least:])
-    burn_in = int(max(least, min(steps // 2, np.ceil(5.0 * tau.max()))))
+    burn_in = int(max(least, min(steps // (4 if near else 2), np.ceil(5.0 * tau.max()))))
     kept = draws[:, burn_in:]
     if burn_in != least:
         tau = _autocorrelation_time(kept)

@@ -5,6 +5,9 @@ emcee's snooker move is not offered: up to release 3.1.6 it leaves the wrong dis
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import emcee
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -46,13 +49,38 @@ class LaplaceMove(emcee.moves.MHMove):  # type: ignore[misc]  # emcee has no typ
         return np.asarray(-0.5 * (self._nu + points.shape[1]) * np.log1p((white**2).sum(axis=0) / self._nu))
 
 
-def posterior_moves(centre: Parameters, covariance: ParametersByParameters) -> list[tuple[emcee.moves.Move, float]]:
-    """Moves and their probabilities for a posterior with a known normal approximation."""
-    return [
+class MoveInCommon(emcee.moves.Move):  # type: ignore[misc]  # emcee has no types
+    """One of several moves at every step, the same one in all ensembles, so that they ask for as many points at once.
+
+    Parameters
+    ----------
+    moves : with their probabilities; seed : of the choice; step : how many steps there were before.
+    """
+
+    def __init__(self, moves: Sequence[tuple[emcee.moves.Move, float]], seed: int, step: int = 0):
+        self.moves = tuple(moves)
+        self._seed, self._step = seed, step
+
+    def propose(self, model: Any, state: emcee.State) -> tuple[emcee.State, np.ndarray]:
+        """The state after one step, and which walkers (n,) have moved."""
+        # By the number of the step, so that a chain goes on as if it had not been interrupted.
+        shares = [share for _, share in self.moves]
+        chosen = np.random.default_rng([self._seed, self._step]).choice(len(shares), p=shares)
+        self._step += 1
+        new, accepted = self.moves[chosen][0].propose(model, state)
+        return new, accepted
+
+
+def posterior_moves(
+    centre: Parameters, covariance: ParametersByParameters, seed: int = 0, step: int = 0
+) -> list[tuple[emcee.moves.Move, float]]:
+    """Moves for a posterior with a known normal approximation; arguments as of :class:`MoveInCommon`."""
+    moves = [
         (LaplaceMove(centre, covariance), 0.7),
         (emcee.moves.DEMove(), 0.18),
         (emcee.moves.StretchMove(), 0.12),
     ]
+    return [(MoveInCommon(moves, seed, step), 1.0)]
 
 
 def fitted_to_walkers(

@@ -75,8 +75,9 @@ def sample_posterior(
     importance = importance_sample(
         density, centre, covariance, options.seed, options.importance_draws, sided=options.importance_suffices
     )
+    near = importance.is_reliable
     suffices = options.importance_suffices and importance.effective >= options.min_effective
-    if importance.is_reliable and (options.preview or suffices):
+    if near and (options.preview or suffices):
         return _without_chain(names, importance, likelihood, options)
     identity = chain_identity(options, centre, covariance, fingerprint or {})
     with nullcontext() if folder is None else Checkpoint(folder, identity) as checkpoint:
@@ -85,12 +86,16 @@ def sample_posterior(
             notice(resumed.note)
         history = History(resumed.segments)
         states = _states(density, names, centre, covariance, options, resumed)
-        # Moves of its own for each: emcee's keep a step size while they propose, and two ensembles run at a time.
         proposals = _proposals(history, centre, covariance, options)
-        ensembles = [Ensemble(posterior_moves(*proposals), state) for state in states]
+
+        def moves() -> list[tuple[emcee.moves.Move, float]]:
+            """Moves of its own for every ensemble: emcee's keep a step size while they propose."""
+            return posterior_moves(*proposals, options.seed, history.steps)
+
+        ensembles = [Ensemble(moves(), state) for state in states]
         # A chain that had already converged when it is resumed must not grow.
         judged_at = history.steps if _due(history.steps, options) else 0
-        diagnosis = _judged(history, options) if judged_at else None
+        diagnosis = _judged(history, options, near=near) if judged_at else None
 
         def say(share: float) -> None:
             """Report the steps so far and a share of the next stretch."""
@@ -104,13 +109,13 @@ def sample_posterior(
                 checkpoint.append(segment)
             history.append(segment)
             if _due(history.steps, options):
-                diagnosis, judged_at = _judged(history, options), history.steps
+                diagnosis, judged_at = _judged(history, options, near=near), history.steps
             if history.steps == _adapted(history.steps, options):
                 proposals = _proposals(history, centre, covariance, options)
-                ensembles = [ensemble.with_moves(posterior_moves(*proposals)) for ensemble in ensembles]
+                ensembles = [ensemble.with_moves(moves()) for ensemble in ensembles]
         if diagnosis is None or judged_at < history.steps:
             # The limit lies where convergence is not judged.
-            diagnosis = _judged(history, options)
+            diagnosis = _judged(history, options, near=near)
     sampled = _posterior(names, history, diagnosis, likelihood, options)
     return replace(sampled, message=f"{sampled.message} {importance.sentence(chain=True)}")
 
@@ -210,9 +215,9 @@ def _adapted(steps: int, options: SamplingOptions) -> int:
     return last
 
 
-def _judged(history: History, options: SamplingOptions) -> Diagnosis:
+def _judged(history: History, options: SamplingOptions, *, near: bool = False) -> Diagnosis:
     # Proposals that are fitted at the last of the steps have made none of them.
-    return diagnose(history.draws, _adapted(history.steps - 1, options), history.log_probability)
+    return diagnose(history.draws, _adapted(history.steps - 1, options), history.log_probability, near=near)
 
 
 def _due(done: int, options: SamplingOptions) -> bool:

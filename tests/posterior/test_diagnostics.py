@@ -249,3 +249,13 @@ def test_densities_that_are_not_finite_are_counted_and_said(value: float):
     assert f"{found.rejected} of {4 * 6 * 100} proposals without a finite simulation" in found.message
     assert "no finite simulation" in found.warnings[0]
     assert sampled(options).rejected == 0
+
+
+def test_burn_in_is_a_quarter_only_where_walkers_start_near():
+    slow = ar1(0.99, 11)
+    few = 100
+    assert diagnose(slow[:, :few]).burn_in == few // 2
+    assert diagnose(slow[:, :few], near=True).burn_in == few // 4
+    # Five times tau where that is less, near or not.
+    fast = ar1(0.7, 11)
+    assert diagnose(fast, near=True).burn_in == diagnose(fast).burn_in < fast.shape[1] // 4

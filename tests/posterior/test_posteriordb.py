@@ -75,7 +75,7 @@ class WithoutHastings(LaplaceMove):
 
 def test_a_move_without_its_hastings_factor_is_caught(monkeypatch):
     monkeypatch.setattr(
-        sampling, "posterior_moves", lambda centre, covariance: [(WithoutHastings(centre, covariance), 1.0)]
+        sampling, "posterior_moves", lambda centre, covariance, *step: [(WithoutHastings(centre, covariance), 1.0)]
     )
     posterior = eight_schools()
     assert not agrees(compared(posterior, sampled(posterior, 500)), width=0.08)
@@ -85,7 +85,7 @@ def test_a_move_without_its_hastings_factor_is_caught(monkeypatch):
 @pytest.mark.skipif(version("emcee") != "3.1.6", reason="the fault is that of this release")
 def test_the_snooker_move_is_caught(monkeypatch):
     moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
-    monkeypatch.setattr(sampling, "posterior_moves", lambda centre, covariance: moves)
+    monkeypatch.setattr(sampling, "posterior_moves", lambda centre, covariance, *step: moves)
     posterior = lynx_and_hare()
     found = compared(posterior, sampled(posterior, 3000))
     record("posteriordb_snooker", found)
