@@ -48,6 +48,9 @@ def test_step_gain_and_covariance_are_those_of_stacked_least_squares(equations):
     np.testing.assert_allclose(equations.variances, np.diag(inverse), rtol=1e-10)
     factor = equations.covariance_factor
     np.testing.assert_allclose(factor @ factor.T, inverse, rtol=1e-9, atol=1e-16)
+    # The volume of the rows, in the units in which the unknowns are counted: by singular values.
+    volume = 2.0 * float(np.log(np.linalg.svd(whole * equations.unit, compute_uv=False)).sum())
+    assert equations.log_determinant == pytest.approx(volume, rel=1e-11)
 
 
 def test_elimination_leaves_what_projected_columns_leave(equations):

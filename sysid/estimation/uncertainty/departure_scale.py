@@ -218,7 +218,7 @@ def _most_evident(
     for _ in range(_ROUNDS):
         scaled = NormalEquations.of(matrix, gradient, sd=np.concatenate([mass_sd, tau]))
         estimate, variance = scaled.step(), scaled.variances
-        evidence = scaled.gain - 0.5 * float(np.linalg.slogdet(scaled.matrix)[1])
+        evidence = scaled.gain - 0.5 * scaled.log_determinant
         before = np.concatenate([tau, mass_sd])
         if readings is not None and readings.any():
             square = np.mean(estimate[:masses][readings] ** 2 + variance[:masses][readings])

@@ -23,7 +23,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
+from scipy.linalg.lapack import dpotrf, dpotri, dpotrs, dtrtri
 
 from sysid.arrays import ParametersByParameters, Unknowns, UnknownsByUnknowns
 
@@ -126,7 +126,17 @@ class NormalEquations:
     @property
     def variances(self) -> Unknowns:
         """Variances (n,) of the unknowns."""
-        return np.asarray(np.diag(self._inverse) * self.unit**2)
+        if self._factor is None or not self.unit.size:
+            return np.asarray(np.diag(self._inverse) * self.unit**2)
+        # A = L L': the diagonal of its inverse needs that of L alone.
+        return np.asarray((dtrtri(self._factor, lower=True)[0] ** 2).sum(axis=0) * self.unit**2)
+
+    @property
+    def log_determinant(self) -> float:
+        """ln det A, in the units of the unknowns."""
+        if self._factor is None or not self.unit.size:
+            return float(np.linalg.slogdet(self.matrix)[1])
+        return 2.0 * float(np.log(np.diag(self._factor)).sum())
 
     @property
     def covariance_factor(self) -> UnknownsByUnknowns:
