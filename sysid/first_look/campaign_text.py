@@ -9,7 +9,7 @@ from typing import Any
 from sysid.campaign.records import AUXILIARY_KINDS
 from sysid.campaign.toml.text import banner, commented, quoted, section, todo, toml_key, value_text
 from sysid.campaign.toml.todo import CONFIRM
-from sysid.first_look.entries import AXLE_BY_NAME
+from sysid.first_look.entries import AXLE_BY_NAME, SPEED_BY_NAME
 from sysid.first_look.records import EntryGuess, FirstLook, SeenLog, SensorGuess
 from sysid.first_look.vehicle_text import axle_name, body_names, load_case_text, vehicle_text
 from sysid.wording import shorten
@@ -215,26 +215,29 @@ def _tests(look: FirstLook, prefix: str) -> str:
     if drops:
         height = todo("height of the plank [m], of all drops that do not say their own")
         parts += [f"plank_height_m = {quoted(height)}", "plank_drop = ["]
-        lines = [(f"{value_text(_drop(look, e, prefix))},", _reason_of_test(e)) for e in drops]
+        lines = [(f"{value_text(_drop(look, e, prefix))},", _reason_of_test(e, {AXLE_BY_NAME})) for e in drops]
         if any(AXLE_BY_NAME in e.why for e in drops):
             parts.append(f"  # {CONFIRM}: axles by the names of the files; nothing in these logs can say the axle")
         parts += [*commented(lines, "  "), "]"]
     if runs:
         counts: dict[tuple[str | None, float | None], int] = {}
         lines = []
+        by_name = sum(SPEED_BY_NAME in entry.why for entry in runs)
+        said = {SPEED_BY_NAME} if by_name > 1 else set()
         for entry in runs:
             driven = (entry.load_case, entry.speed_km_h)
             counts[driven] = counts.get(driven, 0) + 1
             of_run = value_text(_run(look, entry, prefix, counts[driven]))
-            lines.append((f"{of_run},", _reason_of_test(entry)))
-        parts += ["bump_run = [", *commented(lines, "  "), "]"]
+            lines.append((f"{of_run},", _reason_of_test(entry, said)))
+        parts += ["bump_run = [", *(f"  # {CONFIRM}: {why} of {by_name} runs below" for why in said)]
+        parts += [*commented(lines, "  "), "]"]
         fastest = max((e.speed_km_h for e in runs if e.speed_km_h is not None), default=None)
         if fastest is not None:
             wanted = [{"load_case": c, "speed_km_h": round(1.5 * fastest)} for c in look.load_cases]
             parts.append("# Passes that nobody drove, to be predicted: change or delete them as you like.")
             parts.append(f"prediction = {value_text(wanted)}")
     if drives:
-        lines = [(f"{value_text(_drive(look, entry, prefix))},", _reason_of_test(entry)) for entry in drives]
+        lines = [(f"{value_text(_drive(look, entry, prefix))},", _reason_of_test(entry, set())) for entry in drives]
         parts += ["road_drive = [", *commented(lines, "  "), "]"]
     left_out = [f"# {CONFIRM}: left out, {why}: {file}" for file, why in look.left_out.items()]
     return "\n".join([*parts, *(shorten(line, 118) for line in left_out)]) + "\n"
@@ -254,10 +257,12 @@ def _drop(look: FirstLook, entry: EntryGuess, prefix: str) -> dict[str, Any]:
     return result | (_load_case(entry) if len(look.load_cases) > 1 else {}) | _writing(look, entry.file)
 
 
-def _reason_of_test(entry: EntryGuess) -> str:
-    """What to confirm of a drop or run, empty for what is said once for all of them."""
-    why = [reason for reason in entry.why if reason != AXLE_BY_NAME]
-    return "" if entry.sure or not why else _reason(False, why)
+def _reason_of_test(entry: EntryGuess, said: set[str]) -> str:
+    """What to confirm of a drop or run; of what is said once for all of them only a word where some lines have it."""
+    why = [reason for reason in entry.why if reason not in said]
+    if entry.sure or not why:
+        return "" if entry.sure or AXLE_BY_NAME in entry.why else "; ".join(entry.why)
+    return _reason(False, why)
 
 
 def _load_case(entry: EntryGuess) -> dict[str, str]:

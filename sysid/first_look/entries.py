@@ -174,6 +174,8 @@ def _drop_axle(log: SeenLog, kinds: Mapping[str, KindGuess], driven: Driven) -> 
 
 #: Reason of a drop whose axle the name of its file says, and nothing else can.
 AXLE_BY_NAME = "axle by its name"
+#: The same of the speed of a run whose axles and sensors do not tell it.
+SPEED_BY_NAME = "speed by its name alone"
 
 
 def _axle_of_path(label: AxleLabel, driven: Driven) -> tuple[int | None, str]:
@@ -215,7 +217,7 @@ def _speed(log: SeenLog, driven: Driven) -> tuple[float | None, bool, list[str]]
     return (
         named,
         bool(seen) and not against and not doubt,
-        [*doubt, *against] or [] if seen else [*doubt, "speed by its name alone"],
+        [*doubt, *against] or [] if seen else [*doubt, SPEED_BY_NAME],
     )
 
 

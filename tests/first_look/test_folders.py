@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -46,6 +47,30 @@ def test_a_place_stands_once(tmp_path: Path) -> None:
     assert text.count("TODO confirm: x_m of axles 2, 3, 4, 5, 6, by arrivals") == text.count("; measure") == 1
     frames = [s for s in tomllib.loads(text)["sensors"]["bump_run"].values() if s["kind"] == "body_acceleration"]
     assert [s["axle"] for s in frames] == [axle["name"] for axle in template("lowboy6").axles]
+
+
+def test_speeds_that_names_alone_tell_are_asked_for_once(tmp_path: Path) -> None:
+    look = first_look(write_variant(DATA, tmp_path / "logs", Variant("")).folder, None)
+
+    def asked(numbers: tuple[int, ...], *more: str) -> tuple[list[str], int]:
+        runs = [e for e in look.tests if e.kind == "bump_run"]
+        doubtful = {runs[n].file: replace(runs[n], sure=False, why=("speed by its name alone", *more)) for n in numbers}
+        text = campaign_text(replace(look, tests=tuple(doubtful.get(e.file, e) for e in look.tests)), "", "c.toml")
+        tests = text[text.index("bump_run = [") :].splitlines()
+        marked = [line for line in tests if line.endswith("# speed by its name alone")]
+        return [line for line in tests if "TODO confirm" in line], len(marked)
+
+    (line,), marked = asked((2, 5, 7))
+    assert line.strip() == "# TODO confirm: speed by its name alone of 3 runs below"
+    assert marked == 3
+    # One alone says it in its line, and so does a run with another doubt.
+    (line,), marked = asked((2,))
+    assert "file = " in line
+    assert marked == 0
+    lines, marked = asked((2, 5), "its axles arrive as at 3.0 km/h")
+    assert len(lines) == 3
+    assert all("its axles arrive as at 3.0 km/h" in line for line in lines[1:])
+    assert marked == 0
 
 
 @pytest.mark.parametrize(
