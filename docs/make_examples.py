@@ -33,9 +33,18 @@ def main(numbers: list[str]) -> None:
             # Without the version of Python that the kernel adds.
             metadata = deepcopy(notebook.metadata)
             resources = {"metadata": {"path": str(examples)}}
+            before = _processor_s()
             NotebookClient(notebook, timeout=1800, record_timing=False, resources=resources).execute()
+            sys.stdout.write(f"{path.name}: {_processor_s() - before:.0f} s of processor time\n")
+            sys.stdout.flush()
             notebook.metadata = metadata
             nbformat.write(notebook, path)
+
+
+def _processor_s() -> float:
+    """Processor time of all children that have ended [s]."""
+    times = os.times()
+    return times.children_user + times.children_system
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from matplotlib import image
 
 IMAGES = Path(__file__).with_name("images")
 #: Width and height of what is seen of the page at once [pixels].
-SCREENS = {"laptop": (1366, 768), "phone": (500, 1080)}
+SCREENS = {"laptop": (1366, 768), "phone": (390, 844)}
 
 
 def main() -> None:
@@ -22,14 +22,18 @@ def main() -> None:
     page = Path(sys.argv[1] if len(sys.argv) > 1 else "output/report.html").resolve().as_uri()
     with tempfile.TemporaryDirectory() as folder:
         for name, (width, height) in SCREENS.items():
-            picture = Path(folder) / f"{name}.png"
-            _chromium(page, "--hide-scrollbars", f"--window-size={width},{height}", f"--screenshot={picture}")
-            _store(picture, name)
+            picture, frame = Path(folder) / f"{name}.png", Path(folder) / "frame.html"
+            # Chromium's own windows are 500 pixels wide or more.
+            style = f"border:0;width:{width}px;height:{height}px"
+            frame.write_text(f'<body style="margin:0"><iframe src="{page}" style="{style}"></iframe>', encoding="utf-8")
+            shot = ("--allow-file-access-from-files", "--hide-scrollbars", f"--screenshot={picture}")
+            _chromium(frame.as_uri(), f"--window-size={max(width, 500)},{height}", *shot)
+            _store(picture, name, width)
         printed = Path(folder) / "report.pdf"
         _chromium(page, "--no-pdf-header-footer", f"--print-to-pdf={printed}")
         command = ["pdftoppm", "-r", "100", "-l", "1", "-singlefile", "-png", str(printed), str(Path(folder) / "print")]
         subprocess.run(command, check=True)
-        _store(Path(folder) / "print.png", "print")
+        _store(Path(folder) / "print.png", "print", None)
 
 
 def _chromium(page: str, *options: str) -> None:
@@ -37,9 +41,9 @@ def _chromium(page: str, *options: str) -> None:
     subprocess.run(command, check=True, capture_output=True)
 
 
-def _store(picture: Path, name: str) -> None:
+def _store(picture: Path, name: str, width: int | None) -> None:
     options = {"quality": 72, "optimize": True}
-    image.imsave(IMAGES / f"report-{name}.jpg", image.imread(picture)[..., :3], pil_kwargs=options)
+    image.imsave(IMAGES / f"report-{name}.jpg", image.imread(picture)[:, :width, :3], pil_kwargs=options)
 
 
 if __name__ == "__main__":

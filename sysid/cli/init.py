@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -16,10 +17,12 @@ from sysid.cli.tables import render, show_command
 from sysid.display import TextTable
 from sysid.errors import CampaignError, OutputError
 from sysid.files import write_text
-from sysid.first_look import EntryGuess, FirstLook, campaign_text, coverage_table, first_look
 from sysid.numbers import count
 from sysid.output_folder import has_control_characters
 from sysid.wording import shorten
+
+if TYPE_CHECKING:
+    from sysid.first_look import EntryGuess, FirstLook
 
 #: Rows of a table on a terminal.
 _ROWS = 200
@@ -32,6 +35,9 @@ def run_init(folder: Path, vehicle: str | None, output: Path | None, force: bool
         target, prefix = _target(folder, output, force)
         with StageProgress(errors) as progress:
             progress.stage("init")
+            # What reads logs takes longer to load than the first word of progress may take.
+            from sysid.first_look import campaign_text, first_look
+
             look = first_look(folder, vehicle, progress.update)
         text = campaign_text(look, shorten(folder.resolve().name, 60), command_line("check", target), prefix)
         _write(target, text)
@@ -70,6 +76,8 @@ def _write(target: Path, text: str) -> None:
 
 
 def _show(screen: Console, look: FirstLook, target: Path, text: str) -> None:
+    from sysid.first_look import coverage_table
+
     render(screen, [_files(look), _columns(look), *look.messages, coverage_table(look)])
     todos, doubts = find_todos(parse_toml(text.encode("utf-8"), target.name)), find_doubts(text)
     drops, runs, drives = (sum(e.kind == kind for e in look.tests) for kind in ("plank_drop", "bump_run", "road_drive"))

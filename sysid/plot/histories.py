@@ -86,7 +86,7 @@ def overlay(
     quantity = _KIND.get(history.kinds[row], history.kinds[row]).split()[-1]
     ax.set_ylabel(label(f"{quantity} [{unit}]", 30) if legend else f"[{unit}]")
     if legend:
-        ax.legend(loc="upper right", ncols=3)
+        _legend_above(ax, 0.2)
     if residual_ax is None:
         ax.set_xlabel("time [s]")
     else:
@@ -97,15 +97,19 @@ def overlay(
         if bands:
             about = {name: (low - simulated, high - simulated) for name, (low, high) in bands.items()}
             _fill(residual_ax, history.time_s, about, color, most_points)
-            # Room for the legend above the curves.
-            low, high = residual_ax.get_ylim()
-            residual_ax.set_ylim(low, high + 0.45 * (high - low))
-            residual_ax.legend(loc="upper right", ncols=2)
+            _legend_above(residual_ax, 0.45)
         elif np.isfinite(reach):
             residual_ax.axhspan(-reach, reach, color=color, alpha=0.2, lw=0)
         residual_ax.set_ylabel("meas. −\nsim.")
         residual_ax.set_xlabel("time [s]")
     return ax
+
+
+def _legend_above(ax: Axes, room: float) -> None:
+    """A legend in room of its own above the curves, a share of their height: it hides no peak."""
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, high + room * (high - low))
+    ax.legend(loc="upper right", ncols=3)
 
 
 def _bands(history: RunHistory, row: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:

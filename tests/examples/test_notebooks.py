@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import tomllib
 from pathlib import Path
 
 import nbformat
@@ -31,8 +32,17 @@ def test_there_are_notebooks():
     assert [n.name[0] for n in NOTEBOOKS] == list(FIGURES)
 
 
-#: Notebooks that take minutes.
-LONG = ("6",)
+def test_the_first_repeats_are_the_campaign_less_the_others():
+    folder = ROOT / "examples" / "linear_truck"
+    whole, short = (
+        tomllib.loads((folder / f"{n}.toml").read_text(encoding="utf-8")) for n in ("campaign", "first_repeats")
+    )
+    for kind in ("plank_drop", "bump_run"):
+        assert short["tests"][kind] == [e for e in whole["tests"][kind] if e["file"].endswith("1.csv")]
+    for table in (whole, short):
+        table["campaign"].pop("title")
+        del table["tests"]["plank_drop"], table["tests"]["bump_run"]
+    assert whole == short
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
@@ -52,12 +62,9 @@ def test_only_public_names(path):
     assert set(re.findall(r"^(?:from|import) (sysid[\w.]*)", code, re.MULTILINE)) == {"sysid"}
 
 
-RUN = [pytest.param(n, id=n.stem, marks=[pytest.mark.long] if n.name[0] in LONG else []) for n in NOTEBOOKS]
-
-
 # Jupyter's own packages warn about one another.
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("path", RUN)
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
 def test_notebook_runs(path, folder, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])))
     monkeypatch.setenv("OMP_NUM_THREADS", "1")

@@ -380,3 +380,19 @@ def test_pairs_have_axes_only_where_something_is_drawn(results):
     assert plot.figure_of(grid[0, 0]).axes == list(grid[places])
     assert all(grid[r, c].has_data() for r, c in zip(*places, strict=True))
     assert all(ax is None for ax in grid[np.triu_indices(len(names), 1)])
+
+
+def test_the_legend_of_a_history_hides_no_peak():
+    """The largest values late in the record, where the legend stands, lie below its box."""
+    late = small_history()
+    row = np.zeros_like(late.time_s)
+    row[int(0.8 * row.size)] = 1.0
+    late = replace(late, measured=np.tile(row, (len(late.columns), 1)))
+    ax = plot.overlay(late, late.columns[0])
+    ax.figure.draw_without_rendering()
+    box = ax.get_legend().get_window_extent()
+    (line,) = [line for line in ax.lines if line.get_label() == "measured"]
+    x, y = ax.transData.transform(line.get_xydata()).T
+    under = (x > box.x0) & (x < box.x1)
+    assert y[under].max() == y.max()
+    assert y.max() < box.y0
