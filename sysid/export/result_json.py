@@ -314,6 +314,7 @@ def _advice(results: Results) -> dict[str, Any] | None:
             "worst": name,
             "worst_relative_sd": worst,
             "median_relative_sd": advice.median(p),
+            "relative_sd": {target: float(p.sd[advice.names.index(target)]) for target in advice.targets},
             "peak_ratio_sd": _number(p.peak_sd),
             "exact": p.exact or None,
         }

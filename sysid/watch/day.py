@@ -409,7 +409,7 @@ class TestDay:
             computing=self._background.words,
             enough=enough,
             missing=not_enough,
-            next_tests=next_tests(self._listing.planned, document, enough),
+            next_tests=next_tests(self._listing.planned, document, enough, self.rule),
         )
 
     def _is_changed(self, verdict: LogVerdict) -> bool:

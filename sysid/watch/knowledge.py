@@ -24,6 +24,8 @@ _FORBIDS = frozenset(
 
 #: Quantities that are not known and named.
 _NAMED = 4
+#: A run that lowers what is missing by less than this share is not worth naming.
+_WORTH = 0.05
 
 #: k or c of one axle (from 1) in one load case (None: in all) by its quantity.
 Place = tuple[int, str | None, str]
@@ -151,15 +153,44 @@ def _too_wide(known: Sequence[KnownAxle], asked: Mapping[str, float]) -> list[st
     return said + [text for _, text in sorted(wide, reverse=True)]
 
 
-def next_tests(planned: Sequence[PlannedTest], document: Mapping[str, Any], enough: bool) -> tuple[str, ...]:
-    """What to do next, in sentences: the test that the list has next, and what the advice says."""
+def next_tests(
+    planned: Sequence[PlannedTest], document: Mapping[str, Any], enough: bool, rule: StopRule
+) -> tuple[str, ...]:
+    """What to do next, in sentences: the test that the list has next, the run that helps most, what the advice says."""
     if enough:
         return ("Enough: stop. What was asked for is known.",)
     to_come = [test for test in planned if not test.there]
     said = [f"Next in the list: {to_come[0].words} ({len(to_come)} to come)."] if to_come else []
     advice = document.get("advice") or {}
+    said += _most_useful_run(advice, document.get("parameters", ()), rule)
     said += [str(sentence) for sentence in advice.get("statements", ())]
     return tuple(said)
+
+
+def _most_useful_run(
+    advice: Mapping[str, Any], parameters: Sequence[Mapping[str, Any]], rule: StopRule
+) -> tuple[str, ...]:
+    """The run after which least is missing: the sum by which half widths exceed what is asked, in shares of it."""
+    asked = {p["name"]: getattr(rule, p["quantity"]) for p in parameters if p["quantity"] in _QUANTITIES}
+
+    def over(row: Mapping[str, Any]) -> dict[str, float]:
+        known = row.get("relative_sd", {})
+        return {name: Z90 * sd / asked[name] for name, sd in known.items() if name in asked}
+
+    def missing_after(row: Mapping[str, Any]) -> float:
+        return sum(max(ratio - 1.0, 0.0) for ratio in over(row).values())
+
+    now, runs = advice.get("now", {}), advice.get("runs", ())
+    best: Mapping[str, Any] = min(runs, key=missing_after, default={})
+    if not missing_after(best) < (1.0 - _WORTH) * missing_after(now):
+        return ()
+    ratios, then = over(now), over(best)
+    worst = max(ratios, key=lambda name: ratios[name])
+    before, after, limit = (100.0 * asked[worst] * r for r in (ratios[worst], then[worst], 1.0))
+    return (
+        f"The run that would bring most of what is asked: {best['speed_km_h']:.4g} km/h, {shorten(best['load_case'])} "
+        f"({worst} from ± {before:.2g} % to ± {after:.2g} %; asked: {limit:g} %).",
+    )
 
 
 def _percent(value: KnownValue) -> str:

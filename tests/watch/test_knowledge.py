@@ -93,7 +93,7 @@ def rows(half: float) -> tuple[KnownAxle, ...]:
 
 def test_enough_is_enough() -> None:
     assert missing(rows(0.019), StopRule(), FIT, RUNS, ("empty", "full"), ()) == ()
-    assert next_tests(RUNS, FIT, True) == ("Enough: stop. What was asked for is known.",)
+    assert next_tests(RUNS, FIT, True, StopRule()) == ("Enough: stop. What was asked for is known.",)
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,33 @@ def test_the_worst_is_named_first() -> None:
 
 def test_what_comes_next() -> None:
     advice = {"advice": {"statements": ["16 km/h, full would bring most."]}}
-    assert next_tests(RUNS, advice, False) == (
+    assert next_tests(RUNS, advice, False, StopRule()) == (
         "Next in the list: run, empty, 16 km/h, repeat 2 (2 to come).",
         "16 km/h, full would bring most.",
     )
+
+
+def prospect(k: float, c: float, speed: float | None = None) -> dict[str, Any]:
+    """What the advice says of one run: k_1 and c_1 would be known with these standard deviations."""
+    return {"load_case": speed and "full", "speed_km_h": speed, "relative_sd": {"k_1": k, "c_1": c}}
+
+
+def said_of(now: dict[str, Any], *runs: dict[str, Any], **asked: float) -> tuple[str, ...]:
+    parameters = [{"name": "k_1", "quantity": "stiffness"}, {"name": "c_1", "quantity": "damping"}]
+    document = {"parameters": parameters, "advice": {"now": now, "runs": list(runs), "statements": []}}
+    return next_tests(RUNS, document, False, StopRule(**asked))[1:]
+
+
+def test_the_run_that_helps_most_is_judged_by_what_is_asked() -> None:
+    """c is known least well, but well enough: the run that is good for k comes first."""
+    now, for_c, for_k = prospect(0.02, 0.03), prospect(0.02, 0.01, 32.0), prospect(0.011, 0.03, 16.0)
+    assert said_of(now, for_c, for_k) == (
+        "The run that would bring most of what is asked: 16 km/h, full (k_1 from ± 3.3 % to ± 1.8 %; asked: 2 %).",
+    )
+    (other,) = said_of(now, for_c, for_k, stiffness=0.05, damping=0.02)
+    assert "32 km/h, full (c_1 from ± 4.9 % to ± 1.6 %; asked: 2 %)" in other
+
+
+def test_no_run_is_named_that_brings_nothing() -> None:
+    assert said_of(prospect(0.02, 0.03), prospect(0.0199, 0.02, 32.0)) == ()
+    assert said_of(prospect(0.01, 0.02), prospect(0.005, 0.01, 32.0)) == ()
