@@ -43,7 +43,8 @@ class StoredDraws(Sequence[CampaignDraws | None]):
     def __getitem__(self, index: int | slice) -> CampaignDraws | Sequence[CampaignDraws | None] | None:
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
-        record = campaign_draws(self._members[index].output)
+        member = self._members[index]
+        record = campaign_draws(member.output, member.draws_sha256)
         return None if record is None else record.of(tuple(n for n in self._names if n in record.names))
 
 
@@ -102,7 +103,7 @@ def assemble(of_type: Members, shared: Sequence[SharedError], priors: HyperPrior
     about: dict[str, tuple[str, str, int, str]] = {}
     laws: dict[str, set[str]] = {}
     for member in of_type.campaigns:
-        record = campaign_draws(member.output)
+        record = campaign_draws(member.output, member.draws_sha256)
         if record is None:
             without_draws.append(member.campaign)
             continue

@@ -109,17 +109,21 @@ def record_digest(folder: Path) -> str:
     return array_file.digest_of(folder / RECORD_FILE) or ""
 
 
-def campaign_draws(folder: Path) -> CampaignDraws | None:
+def campaign_draws(folder: Path, digest: str = "") -> CampaignDraws | None:
     """The draws of the campaign whose results are in a folder; None where there are none.
 
     Those under the population are taken if they were made from the campaign's present record.
+
+    Parameters
+    ----------
+    digest : hash of the record that is expected, empty for any.
     """
     again = array_file.read(folder / POPULATION_RECORD_FILE)
-    if again is not None and again.fields.get("of") == record_digest(folder):
-        record = read_draws(folder / POPULATION_RECORD_FILE)
+    if again is not None and again.fields.get("of") == (digest or record_digest(folder)):
+        record = _decoded(again)
         if record is not None:
             return record
-    return read_draws(folder / RECORD_FILE)
+    return read_draws(folder / RECORD_FILE, digest)
 
 
 def write_draws(path: Path, record: CampaignDraws, of: str = "") -> None:
@@ -132,10 +136,19 @@ def write_draws(path: Path, record: CampaignDraws, of: str = "") -> None:
     array_file.write(path, fields, arrays)
 
 
-def read_draws(path: Path) -> CampaignDraws | None:
-    """What :func:`write_draws` left; None where there is nothing, or it is damaged or of another schema."""
+def read_draws(path: Path, digest: str = "") -> CampaignDraws | None:
+    """What :func:`write_draws` left; None where there is nothing, or it is damaged, of another schema or hash.
+
+    Parameters
+    ----------
+    digest : hash of the record that is expected, empty for any.
+    """
     content = array_file.read(path)
-    if content is None or content.fields.get("schema") != SCHEMA:
+    return None if content is None or digest not in ("", content.digest) else _decoded(content)
+
+
+def _decoded(content: array_file.Content) -> CampaignDraws | None:
+    if content.fields.get("schema") != SCHEMA:
         return None
     try:
         words: dict[str, Any] = {k: tuple(content.fields[k]) for k in _WORDS}

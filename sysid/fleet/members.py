@@ -25,12 +25,16 @@ _STATUS = {
 
 @dataclass(frozen=True)
 class Member:
-    """One campaign with results: truck, name, the folder that they are in, and their status as in ``result.json``."""
+    """One campaign with results: truck, name, the folder that they are in, and their status as in ``result.json``.
+
+    `draws_sha256` is the hash of its draws, empty where it is not known.
+    """
 
     truck: str
     campaign: str
     output: Path
     status: str = ""
+    draws_sha256: str = ""
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,7 @@ def members(
             noted[_STATUS[row.outcome.status]].append(row.campaign)
         if row.missing:
             noted[_NOT_HERE].append(row.campaign)
-        found.append(Member(row.truck, row.campaign, folder, row.outcome.status))
+        found.append(Member(row.truck, row.campaign, folder, row.outcome.status, row.outcome.draws_sha256))
     remarks = [_left_out(names, why) for why, names in left_out.items()]
     remarks += [f"{count(len(names), 'campaign')} {what}: {listing(names)}" for what, names in noted.items() if names]
     return Members(kind, tuple(found), tuple(remarks))

@@ -6,16 +6,18 @@ A column that a campaign does not know is null.  SI units, speeds in km/h where 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sysid.files import read_json
+from sysid.files import json_table, read_bytes
+from sysid.fleet.changes import is_content
 from sysid.fleet.draws import RECORD_FILE, read_draws, thinned
 from sysid.fleet.outcome import FINISHED, RESULT_FILE
 from sysid.fleet.running import Row
-from sysid.fleet.status import row_fields
+from sysid.fleet.status import CHANGED, row_fields
 from sysid.fleet.summaries import Channel, Summary, channels_of, summary_of
 
 #: Version of the tables; a number up whenever a column changes its meaning or goes.
@@ -120,7 +122,11 @@ def campaign_rows(row: Row, output: Path, folder: Path) -> dict[str, list[dict[s
     output : folder of its results.
     folder : that of the fleet, to which paths are relative.
     """
-    document = read_json(output / RESULT_FILE) if _finished(row) else {}
+    content = read_bytes(output / RESULT_FILE) or b""
+    if row.outcome is not None and _finished(row) and not is_content(row.outcome, content):
+        # Somebody has written another one since the row was made.
+        row = replace(row, state=CHANGED)
+    document = json_table(content) if _finished(row) else {}
     try:
         rows = _rows_of(document, row, output)
     except (KeyError, TypeError, ValueError, AttributeError):
@@ -159,7 +165,7 @@ def _rows_of(document: Mapping[str, Any], row: Row, output: Path) -> dict[str, l
     return {
         "campaigns": [first],
         "parameters": [of_row | _parameter(p) | verdict for p in document.get("parameters", [])],
-        "draws": _draws(of_row, output) if document else [],
+        "draws": _draws(of_row, output, row.outcome.draws_sha256) if document and row.outcome else [],
         "predictions": [of_row | _prediction(p) | verdict for p in document.get("predictions", [])],
         "quality": [of_row | dict(v) for v in document.get("validation", [])],
         "channels": _channel_rows(channels_of(document), row),
@@ -212,8 +218,8 @@ def _channel_rows(channels: Iterable[Channel], row: Row) -> list[dict[str, Any]]
     return [of_row | channel._asdict() for channel in channels]
 
 
-def _draws(of_row: Mapping[str, Any], output: Path) -> list[dict[str, Any]]:
-    record = read_draws(output / RECORD_FILE)
+def _draws(of_row: Mapping[str, Any], output: Path, digest: str) -> list[dict[str, Any]]:
+    record = read_draws(output / RECORD_FILE, digest)
     if record is None:
         return []
     values = np.exp(thinned(record.draws, INDEXED_DRAWS)).T
