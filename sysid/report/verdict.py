@@ -50,7 +50,7 @@ def verdict(results: Results) -> Verdict:
     return Verdict(
         tone=_TONE[judgement.trust],
         badge=_badge(results),
-        badge_tone=_badge_tone(results),
+        badge_tone=_badge_tone(results, judgement),
         answer=answer_words(results, judgement),
         what=tuple(_what(results)),
         use=judgement.reasons,
@@ -81,7 +81,10 @@ def _badge(results: Results) -> str:
     return "FIRST ESTIMATES ONLY" if results.drops is not None else "NO ESTIMATES YET"
 
 
-def _badge_tone(results: Results) -> Tone:
+def _badge_tone(results: Results, judgement: Judgement) -> Tone:
+    if judgement.trust == "do_not_bet":
+        # No green beside such an answer: a chain that has converged does not make it better.
+        return "caution"
     if results.status == "converged" and results.posterior is not None:
         return "good"
     return "stop" if results.status == "preview" or _badge(results).startswith("N") else "caution"

@@ -62,6 +62,11 @@ def test_nothing_against_it_is_a_yes():
     assert len(v.use) == 1
 
 
+def test_no_badge_is_green_beside_an_answer_that_forbids():
+    v = verdict(replace(blameless(), fit=replace(small_fit(), impossible=("slip = 7.7 m.",))))
+    assert (v.answer, v.badge, v.badge_tone) == ("Do not bet on them", "CONVERGED", "caution")
+
+
 @pytest.mark.parametrize(
     ("change", "trust", "answer", "forbids"),
     [
