@@ -43,7 +43,7 @@ def show_run(results: Results, report: Path) -> Blocks:
         yield f"  {count(more, 'more reason')} in the report."
     if loads := loads_answer(results, judgement):
         yield f"Can you use the axle loads? {loads.words}."
-        for words in filter(None, (loads.largest, loads.sentences)):
+        for words in filter(None, (loads.largest, loads.computed, loads.sentences)):
             yield f"  {words}"
     if steps := next_steps(results, judgement):
         yield f"Next: {steps[0]}"

@@ -29,7 +29,7 @@ _GAP = 0.3
 def truck(
     vehicle: Vehicle,
     rows: Sequence[tuple[str, Sequence[str]]],
-    highlight: int | None = None,
+    highlight: tuple[int, int] | None = None,
     ax: Axes | None = None,
     hubs: Sequence[str] | None = None,
 ) -> Axes:
@@ -39,7 +39,7 @@ def truck(
     ----------
     vehicle : positions, wheel radii [m], bodies and hitches; the outlines of bodies are nominal.
     rows : pairs of a head and one text per axle, front to rear; a text may have two lines.
-    highlight : index of an axle whose column stands in bold, None for none.
+    highlight : row and axle of the text that stands in bold on a shade, None for none.
     ax : axes of a width of their own, as high as :func:`truck_height` says for it.
     hubs : colours of the axles' hubs; None for white.
 
@@ -169,25 +169,26 @@ def _write_rows(
     lines: Sequence[int],
     columns: np.ndarray,
     top: float,
-    highlight: int | None,
+    highlight: tuple[int, int] | None,
     whole: float,
 ) -> None:
     place = top
     width = (whole - _HEADS) / len(columns)
     if highlight is not None:
-        corner = (columns[highlight] - width / 2.0 + 0.04, 0.02)
-        ax.add_patch(FancyBboxPatch(corner, width - 0.08, top - 0.06, boxstyle="round,pad=0,rounding_size=0.05",
+        row, axle = highlight
+        corner = (columns[axle] - width / 2.0 + 0.04, top - _ROW * sum(lines[: row + 1]))
+        ax.add_patch(FancyBboxPatch(corner, width - 0.08, _ROW * lines[row], boxstyle="round,pad=0,rounding_size=0.05",
                                     fc="#fdf3e1", ec="none", zorder=0))  # fmt: skip
     # Letters of 8.5 points take some 13.5 of an inch; smaller ones than 6 points are shortened.
     of_largest = 13.5 * width
     written = [line for _, texts in rows for text in texts for line in text.split("\n")]
     size = float(np.clip(8.5 * of_largest / max(map(len, written), default=1), 6.0, 8.5))
     longest = max(int(of_largest * 8.5 / size), 6)
-    for (head, texts), count in zip(rows, lines, strict=True):
+    for k, ((head, texts), count) in enumerate(zip(rows, lines, strict=True)):
         place -= _ROW * count
         middle = place + _ROW * count / 2.0
         ax.text(0.02, middle, head, va="center", fontsize=8, color=MUTED)
         for i, (text, column) in enumerate(zip(texts, columns, strict=True)):
             words = "\n".join(label(line, longest) for line in text.split("\n"))
-            weight = "bold" if i == highlight else "normal"
+            weight = "bold" if (k, i) == highlight else "normal"
             ax.text(column, middle, words, ha="center", va="center", fontsize=size, color=INK, weight=weight)

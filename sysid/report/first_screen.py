@@ -32,14 +32,18 @@ if TYPE_CHECKING:
     from sysid.validation.channel_agreement import ChannelAgreement
 
 
+#: Row of the loads below the drawing.
+_PEAKS = 2
+
+
 @dataclass(frozen=True)
 class TruckRows:
-    """What stands below the axles of the drawing: heads and one text per axle, the axle with the largest load (index,
-    None without loads), and a caption; no texts before any value is known.
+    """What stands below the axles of the drawing: heads and one text per axle, row and axle of the largest load (None
+    without loads), and a caption; no texts before any value is known.
     """
 
     texts: list[tuple[str, list[str]]]
-    highest: int | None
+    highest: tuple[int, int] | None
     caption: str
 
 
@@ -53,22 +57,22 @@ def truck_rows(results: Results) -> TruckRows:
     backed = any(driven)
     loads = driven if backed else largest_loads(results)
     rows = [
-        ("k [kN/m]", _per_axle(results, of_axles, "stiffness")),
-        ("c [kN s/m]", _per_axle(results, of_axles, "damping")),
+        ("spring k [kN/m]", _per_axle(results, of_axles, "stiffness")),
+        ("damper c [kN s/m]", _per_axle(results, of_axles, "damping")),
     ]
     if loads:
         rows += [
             ("peak as driven [kN]" if backed else "peak in pass [kN]", [_peak(load) for load in loads]),
-            ("static there [kN]", [_static(load) for load in loads]),
+            ("static [kN] (peak in %)", [_static(load) for load in loads]),
         ]
         if any(anywhere):
-            rows.append((f"peak to {_fastest(results)} km/h [kN]", [_peak(load) for load in anywhere]))
+            rows.append((f"computed to {_fastest(results)} km/h", [_peak(load) for load in anywhere]))
     else:
         case = next(iter(results.campaign.load_cases.values()))
         gravity = results.campaign.vehicle.gravity_m_s2
         rows.append(("static load [kN]", [fixed(gravity * mass / 1e3, 1) for mass in case.axle_loads_kg]))
     peaks = [0.0 if load is None else load.peak_N for load in loads]
-    highest = int(np.argmax(peaks)) if any(peaks) else None
+    highest = (_PEAKS, int(np.argmax(peaks))) if any(peaks) else None
     kinds = dict.fromkeys(e.kind for row in of_axles for e in (row.stiffness, row.damping) if e)
     caption = (
         f"k, c and loads are of both sides of an axle together; ± is half of the {listing(list(kinds))}. One value "
@@ -81,11 +85,11 @@ def truck_rows(results: Results) -> TruckRows:
             if backed
             else f" Peak in pass: the largest of {passes} over the bump, and in which"
         )
-        caption += "; static there: the load at rest in that load case, and peak over it; shaded: the largest of these."
+        caption += "; static: the load at rest in that load case, the peak in per cent of it; shaded: the largest."
         if any(anywhere):
-            caption += f" Last row: the largest at any speed to {_fastest(results)} km/h."
+            caption += f" Last row [kN]: the largest that the model computes at any speed to {_fastest(results)} km/h."
         if any(load and load.beyond for load in (*loads, *anywhere)):
-            caption += " * an extrapolation beyond the driven runs."
+            caption += " * not driven: an extrapolation beyond the driven runs."
     return TruckRows(rows, highest, caption)
 
 

@@ -145,7 +145,8 @@ def _verdict(page: _Page, results: Results, name: _Unseen) -> None:
     if more > 0:
         reasons.append(f"{count(more, 'more reason')} in the report.")
     if said.loads:
-        answer = f"Can the axle loads be used? {said.loads.words}. {said.loads.largest} {said.loads.sentences}"
+        loads = said.loads
+        answer = f"Can the axle loads be used? {loads.words}. {loads.largest} {loads.computed} {loads.sentences}"
         reasons += textwrap.wrap(name(answer, 600), 118)
     height = 0.42 + 0.145 * len(reasons)
     ax = page.axes(_SIDE, _WITHIN, height)

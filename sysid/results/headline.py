@@ -169,11 +169,11 @@ def _most(loads: Sequence[PeakLoad | None]) -> PeakLoad | None:
     return max((load for load in loads if load is not None), key=lambda load: load.peak_N, default=None)
 
 
-def _largest_words(results: Results) -> str:
-    """The largest load that the driven runs back, and the largest of all where that is another one, in a sentence."""
+def _largest_words(results: Results) -> tuple[str, str]:
+    """The largest load that the driven runs back, and the largest of all where that is another one, a sentence each."""
     known = largest_loads(results)
     if not known:
-        return ""
+        return "", ""
     most, elsewhere = max(known, key=lambda load: load.peak_N), _higher_elsewhere(results)
     if elsewhere is not None:
         # It stands in none of the requested passes.
@@ -184,10 +184,10 @@ def _largest_words(results: Results) -> str:
         head, words = "Largest", f"{load} kN on axle {most.axle + 1} ({most.pass_name}{so})"
     backed = _backed(results) if beyond else None
     if backed is None:
-        return f"{head}: {words}."
+        return f"{head}: {words}.", ""
     load = in_thousands(backed.peak_N, backed.low_N, backed.high_N)
     driven = f"Largest within the driven runs: {load} kN on axle {backed.axle + 1} ({backed.pass_name})"
-    return f"{driven}; beyond them {words.replace(', extrapolated', '')}."
+    return f"{driven}.", f"Not driven, only computed: {words.replace(', extrapolated', '')}."
 
 
 def _backed(results: Results) -> PeakLoad | None:
@@ -214,16 +214,19 @@ def _higher_elsewhere(results: Results) -> PeakLoad | None:
 
 def _at_speed(load: PeakLoad) -> str:
     so = ", extrapolated" if load.beyond else ""
-    return f"{fixed(load.peak_N / 1e3, 0)} kN on axle {load.axle + 1} ({load.pass_name}{so})"
+    return f"{in_thousands(load.peak_N, load.low_N, load.high_N)} kN on axle {load.axle + 1} ({load.pass_name}{so})"
 
 
 @dataclass(frozen=True)
 class LoadsAnswer:
-    """Whether predicted axle loads may be used, in a few words, the sentences for it, and the largest load."""
+    """Whether predicted axle loads may be used, in a few words, the sentences for it, the largest load that was driven,
+    and the largest that is only computed.
+    """
 
     words: str
     sentences: str
-    largest: str
+    largest: str = ""
+    computed: str = ""
 
 
 def loads_answer(results: Results, judgement: Judgement) -> LoadsAnswer | None:
@@ -233,20 +236,19 @@ def loads_answer(results: Results, judgement: Judgement) -> LoadsAnswer | None:
         return None
     beyond = sum(bool(p.trust) for p in passes)
     if judgement.trust not in ("use", "use_within") or results.status == "preview" or not beyond:
-        return LoadsAnswer(answer_words(results, judgement), "", _largest_words(results) if not beyond else "")
-    words = "Yes, but for those marked *"
-    if beyond == len(passes):
-        within = "Within the driven runs; beyond them as" if _backed(results) else "As"
-        words = f"{within} extrapolations only"
-    return LoadsAnswer(
-        words,
-        f"{_driven(results)} Loads marked * exceed these runs; their ± leaves out the error of extrapolating.",
-        _largest_words(results),
-    )
+        return LoadsAnswer(answer_words(results, judgement), "", *(() if beyond else _largest_words(results)))
+    driven = _driven(results)
+    caution = "Loads marked * exceed these runs; their ± leaves out the error of extrapolating."
+    if beyond == len(passes) and _backed(results):
+        words = f"Yes, as driven ({driven}); beyond that, estimates only"
+    else:
+        words = "As estimates only" if beyond == len(passes) else "Yes, but for those marked *"
+        caution = f"Driven: {driven}. {caution}"
+    return LoadsAnswer(words, caution, *_largest_words(results))
 
 
 def _driven(results: Results) -> str:
-    """The speeds of the runs of every load case, in a sentence."""
+    """The speeds of the runs of every load case."""
     speeds: dict[str, list[float]] = {}
     for run in results.campaign.bump_runs:
         speeds.setdefault(run.load_case, []).append(run.nominal_speed_m_s)
@@ -254,4 +256,4 @@ def _driven(results: Results) -> str:
         f"{case} {' to '.join(dict.fromkeys(speed(v) for v in (min(of_case), max(of_case))))} km/h"
         for case, of_case in speeds.items()
     ]
-    return f"Driven: {listing(ranges)}."
+    return listing(ranges)

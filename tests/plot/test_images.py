@@ -47,7 +47,7 @@ def figures():
             results.predictions.sweeps[0], [39240.0, 29430.0]
         ),
         "truck": lambda: plot.truck(
-            campaign.vehicle, [("k [kN/m]", ["1 ± 2", "3 empty\n4 laden"]), ("at", ["a", "b"])], 1
+            campaign.vehicle, [("k [kN/m]", ["1 ± 2", "3 empty\n4 laden"]), ("at", ["a", "b"])], (0, 1)
         ),
     }
 

@@ -65,7 +65,7 @@ def test_it_says_what_was_measured_what_came_out_and_which_result_it_is() -> Non
     for row in (
         "k[kN/m]",
         "c[kNs/m]",
-        "staticthere[kN]",
+        "static[kN](peakin%)",
         "peakasdriven[kN]",
         "measured",
         "simulated",

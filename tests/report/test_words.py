@@ -290,12 +290,17 @@ def test_what_a_pass_goes_beyond_is_said_once_with_its_axles():
     v = verdict(replace(results, predictions=replace(results.predictions, passes=(changed,))))
     assert v.answer == "Yes"
     (said,) = v.notes
-    assert v.loads.words == "Within the driven runs; beyond them as extrapolations only"
     run = results.campaign.bump_runs[0]
-    assert v.loads.sentences.startswith(f"Driven: {run.load_case} {3.6 * run.nominal_speed_m_s:.0f}")
+    driven = f"{run.load_case} {3.6 * run.nominal_speed_m_s:.0f} km/h"
+    assert v.loads.words == f"Yes, as driven ({driven}); beyond that, estimates only"
+    assert v.loads.sentences.startswith("Loads marked * exceed these runs")
     assert (verdict(results).loads.words, verdict(results).loads.sentences) == ("Yes", "")
     both = replace(results.predictions, passes=(one, changed))
-    assert verdict(replace(results, predictions=both)).loads.words == "Yes, but for those marked *"
+    partly = verdict(replace(results, predictions=both)).loads
+    assert (partly.words, partly.sentences[: len(driven) + 10]) == (
+        "Yes, but for those marked *",
+        f"Driven: {driven}. ",
+    )
     preview = replace(results, status="preview", judgement=None, predictions=both)
     assert verdict(preview).loads.words == "Not for decisions"
     assert "(empty, 48\u00a0km/h: speed, suspension travel of axle 1 and damper speed of every axle)" in said
