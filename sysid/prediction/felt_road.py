@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from sysid.arrays import Stations
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
@@ -22,7 +21,7 @@ from sysid.road.enveloping import (
 from sysid.road.footprint_filter import footprint_filter
 from sysid.road.road_profile import RoadProfile
 from sysid.road.wheel_paths import WheelPaths
-from sysid.vehicle_model.contact import EffectiveRoad, effective_road
+from sysid.vehicle_model.contact import EffectiveRoad, contact_damping, effective_road
 from sysid.vehicle_model.passes import MapTires
 
 #: Distance of the stations [m] of gentle roads and of harsh ones.
@@ -32,6 +31,20 @@ GENTLE_STEP_M, HARSH_STEP_M = 0.025, 0.01
 HARSH, MOST_HARSH_M = 0.05, 100.0
 #: Places at which that is looked at, those where the filter takes most away, and most places of a path over springs.
 _LOOKED_AT, _JUDGED = 200, 3000
+
+
+@dataclass(frozen=True)
+class EdgeLoads:
+    """Loads (T, na) [N] every `interval_s` [s] of one vehicle along the `paths` of its wheels.
+
+    `damping_N_s_per_m` (na,) of its tires at the reference load, and how it grows with their contact (1 or 0).
+    """
+
+    paths: WheelPaths
+    tire_N: np.ndarray
+    interval_s: float
+    damping_N_s_per_m: np.ndarray
+    growth: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -67,7 +80,7 @@ class FeltRoad:
         rise = (self.rise[:, index] - self.rise[:, index[:1]]) * grown
         rows = (rows[..., index] * grown for rows in (self.stretch, self.drag))
         stretch, drag = (r[:, None] for r in rows)
-        return effective_road(station, rise[None], stretch, drag)
+        return effective_road(station, rise[None], stretch, drag, edged=self.harsh)
 
 
 def felt_road(
@@ -194,45 +207,46 @@ class Misfit:
 
 
 def misfit_on_springs(
-    road: FeltRoad,
+    loads: EdgeLoads,
     station_m: Stations,
     height_m: Stations,
     vehicle: Vehicle,
     load_case: LoadCase,
     reference: LoadCase,
     tires: MapTires,
-    paths: WheelPaths,
 ) -> Misfit:
-    """Loads of the springs along paths of wheels (T, na, t) over a harsh road against those of its maps.
+    """Loads of a pass over a harsh road against those of springs and dampers of the tires along the same paths.
 
-    Damping is left out.  Other parameters as for :func:`felt_road`.
+    Of two samples that follow each other the means are compared: the damper feels what is between them.
+
+    Parameters
+    ----------
+    loads : of a vehicle with the given `tires`. Other parameters as for :func:`felt_road`.
     """
     profile = _as_profile(station_m, height_m - height_m[0])
-    places = road.first_m + road.step_m * np.arange(road.rise.shape[1])
     change, peak = 0.0, 0.0
     for i, axle in enumerate(vehicle.axles):
         load, declared = (c.axle_loads_kg[i] * vehicle.gravity_m_s2 for c in (load_case, reference))
         radius = axle.tire_radius_m
         table = spoke_table(profile, radius, exponent=tires.spoke_exponent)
         spoke, sunk = _sunk(table, load, declared, tires.stiffness_N_per_m[i])
-        rows = make_interp_spline(places, np.stack([road.rise[i], *road.stretch[:, i]], axis=1), k=5)
-        for at, rise in zip(paths.station_m[:, i].T, paths.rise_m[:, i].T, strict=True):
-            near = np.flatnonzero((at > places[0]) & (at < profile.length_m))
-            near = near[:: 1 + near.size // _JUDGED]
-            level, a, b, c, lift = rows(at[near]).T
-            below = level - rise[near]
-            touching = np.maximum(below, lift - sunk)
-            deflection = sunk + below + touching * (a + touching * (b + touching * c))
-            found = spoke * np.interp(deflection, table.deflection_m, table.flat_force)
-            centre = radius - sunk + rise[near]
-            exact = spoke * np.concatenate(
-                [
-                    load_on_spokes(s, h, radius, profile.station_m, profile.height_m, tires.spoke_exponent)
-                    for s, h in zip(*(np.array_split(v, 1 + near.size // 500) for v in (at[near], centre)), strict=True)
-                ]
-            )
-            # Of a road that hardly moves the load no share is judged.
-            moved = max(float(np.sqrt(np.mean((exact - load) ** 2))), HARSH * load)
-            change = max(change, float(np.sqrt(np.mean((found - exact) ** 2))) / moved)
-            peak = max(peak, abs(float(found.max() / max(exact.max(), load)) - 1.0))
+        _, at_reference = _sunk(table, declared, declared, tires.stiffness_N_per_m[i])
+        at, rise = loads.paths.station_m[:, i, 0], loads.paths.rise_m[:, i, 0]
+        near = np.flatnonzero((at[:-1] > -1.0) & (at[:-1] < profile.length_m))
+        near = near[:: 1 + near.size // _JUDGED]
+        both = np.stack([near, near + 1])
+        centre = radius - sunk + rise[both]
+        parts = zip(*(np.array_split(v.ravel(), 1 + both.size // 500) for v in (at[both], centre)), strict=True)
+        exact = np.concatenate(
+            [load_on_spokes(s, h, radius, profile.station_m, profile.height_m, tires.spoke_exponent) for s, h in parts]
+        ).reshape(both.shape)
+        deflection = np.interp(exact, table.flat_force, table.deflection_m)
+        sinking = np.diff(deflection, axis=0)[0] / loads.interval_s
+        damping = contact_damping(loads.damping_N_s_per_m[i], deflection.mean(axis=0) / at_reference, loads.growth)
+        exact = np.maximum(spoke * exact.mean(axis=0) + damping * sinking, 0.0)
+        found = loads.tire_N[both, i].mean(axis=0)
+        # Of a road that hardly moves the load no share is judged.
+        moved = max(float(np.sqrt(np.mean((exact - load) ** 2))), HARSH * load)
+        change = max(change, float(np.sqrt(np.mean((found - exact) ** 2))) / moved)
+        peak = max(peak, abs(float(found.max() / max(exact.max(), load)) - 1.0))
     return Misfit(change, peak)

@@ -19,7 +19,7 @@ from sysid.campaign.roads import RoadCourse
 from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitState
 from sysid.prediction.assumed_stops import AssumedStops
-from sysid.prediction.felt_road import HARSH, MOST_HARSH_M, FeltRoad, Misfit
+from sysid.prediction.felt_road import HARSH, MOST_HARSH_M, EdgeLoads, FeltRoad, Misfit
 from sysid.prediction.finite import check_finite
 from sysid.prediction.measures import extremes, quantiles
 from sysid.prediction.pass_over_road import pass_over_road
@@ -59,8 +59,6 @@ STRETCH_S, RUN_UP_S, GROWTH_S = 20.0, 7.0, 3.5
 INTERVAL_S = 0.004
 #: Step of the integration on harsh roads [s], and the way between two samples there [m] as far as it allows.
 _HARSH_STEP_S, _HARSH_WAY_M = 0.001, 0.008
-#: Vehicles whose loads over edges are compared with the springs.
-_JUDGED = 3
 #: Loads over edges are said to be off where the root mean square error of their change is more than this, or that of a
 #: peak.
 _MOST_CHANGE, _MOST_PEAK = 0.05, 0.03
@@ -117,14 +115,17 @@ def predict_road(
     time = clock.interval_s * np.arange(samples)
     place = speed * time[:, None] - x
     on_road = (place >= 0.0) & (place <= course.length_m)
-    batch, groups = vehicle_groups(state, request.load_case, roads[0].stretch_of(-1.0, 0.5, 0.0), sets, vehicles, stops)
+    some_road = roads[0].stretch_of(-1.0, 0.5, 0.0)
+    batch, groups = vehicle_groups(state, request.load_case, some_road, sets, vehicles, stops)
+    _, (optimum,) = vehicle_groups(state, request.load_case, some_road, state.point.log_parameters[None], None, stops)
     said = _said(request, max((road.misfit for road in roads if not road.harsh), default=0.0))
     misfits = []
     for k, road in enumerate(roads):
         if road.harsh:
             station, height = tracks[k]
-            roads[k], misfit = _settled(state, request, groups[0], road, station, height.mean(axis=0), samples, clock)
-            misfits.append(misfit)
+            own = station, height.mean(axis=0), samples, clock
+            roads[k] = _settled(state, request, groups[0], road, *own)
+            misfits.append(_off_springs(state, request, optimum, roads[k], *own))
     shift = x / speed / clock.interval_s
 
     def over_all(number: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray] | None, np.ndarray]:
@@ -253,32 +254,47 @@ def _settled(
     height_m: Stations,
     samples: int,
     clock: Timing,
-) -> tuple[FeltRoad, Misfit]:
+) -> FeltRoad:
     """A harsh road about the paths of the vehicles of a group, followed again until these stay where they are."""
-    road, paths = followed(
+    road, _ = followed(
         road,
-        lambda felt: _paths(state, request, group, felt, samples, clock),
+        lambda felt: _along(state, request, group, felt, samples, clock)[0],
         lambda paths: felt_by_vehicle(state, request.load_case, station_m, height_m, paths),
     )
-    some = np.unique(np.linspace(0, paths.rise_m.shape[2] - 1, _JUDGED).round().astype(int))
-    few = WheelPaths(paths.station_m[:, :, some], paths.rise_m[:, :, some])
-    return road, misfit_by_vehicle(state, request.load_case, station_m, height_m, road, few)
+    return road
 
 
-def _paths(
+def _off_springs(
+    state: FitState,
+    request: PredictionRequest,
+    optimum: VehicleGroup,
+    road: FeltRoad,
+    station_m: Stations,
+    height_m: Stations,
+    samples: int,
+    clock: Timing,
+) -> Misfit:
+    """How far the loads of the optimum over a harsh road are from its tires' springs and dampers."""
+    paths, tire = _along(state, request, optimum, road, samples, clock)
+    law = optimum.made[2]
+    loads = EdgeLoads(paths, tire[..., 0], clock.interval_s, np.asarray(law.damping)[0, :, 0], law.growth)
+    return misfit_by_vehicle(state, request.load_case, station_m, height_m, loads)
+
+
+def _along(
     state: FitState, request: PredictionRequest, group: VehicleGroup, road: FeltRoad, samples: int, clock: Timing
-) -> WheelPaths:
-    """Where the wheels of all vehicles of a group come on a road."""
+) -> tuple[WheelPaths, np.ndarray]:
+    """Where the wheels of all vehicles of a group come on a road, and their axle loads (T, na, t) [N]."""
     x = np.array([axle.x_m for axle in state.campaign.vehicle.axles])
 
-    def kept(begin: int, part: Driven, start_m: float) -> WheelPaths:
+    def kept(begin: int, part: Driven, start_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         place = request.speed_m_s * clock.interval_s * (begin + np.arange(len(part.tire_N)))[:, None] - x
         found = group.wheels(part, place)
-        return WheelPaths(found.station_m, found.rise_m + road.level_m(start_m)[:, None])
+        return found.station_m, found.rise_m + road.level_m(start_m)[:, None], part.tire_N
 
     parts = _over_stretches(state, request, group, road, samples, clock, kept)
-    station, rise = (np.concatenate(of)[:samples] for of in zip(*((p.station_m, p.rise_m) for p in parts), strict=True))
-    return WheelPaths(station, rise)
+    station, rise, tire = (np.concatenate(of)[:samples] for of in zip(*parts, strict=True))
+    return WheelPaths(station, rise), tire
 
 
 def _loads(

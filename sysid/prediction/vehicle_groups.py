@@ -14,7 +14,7 @@ from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import law_inputs, laws_side_by_side
 from sysid.prediction.assumed_stops import AssumedStops
 from sysid.prediction.driven_range import spring_deflection
-from sysid.prediction.felt_road import FeltRoad, Misfit, felt_road, misfit_on_springs
+from sysid.prediction.felt_road import EdgeLoads, FeltRoad, Misfit, felt_road, misfit_on_springs
 from sysid.prediction.vehicle_draws import (
     TOGETHER,
     DrawnVehicles,
@@ -115,10 +115,10 @@ def felt_by_vehicle(
 
 
 def misfit_by_vehicle(
-    state: FitState, load_case: str, station_m: Stations, height_m: Stations, road: FeltRoad, paths: WheelPaths
+    state: FitState, load_case: str, station_m: Stations, height_m: Stations, loads: EdgeLoads
 ) -> Misfit:
     """How far loads are from those of the springs (:func:`sysid.prediction.felt_road.misfit_on_springs`)."""
-    return misfit_on_springs(road, station_m, height_m, *_felt_with(state, load_case), paths)
+    return misfit_on_springs(loads, station_m, height_m, *_felt_with(state, load_case))
 
 
 def _felt_with(state: FitState, load_case: str) -> tuple[Vehicle, LoadCase, LoadCase, MapTires]:

@@ -142,8 +142,13 @@ def tangents(
     deflection : (axles,) x, static deflection over that at the reference load.
     growth : g, 1 where damping grows with the length of contact, 0 where it does not.
     """
+    return np.asarray(stiffness * deflection ** (exponent - 1.0)), contact_damping(damping, deflection, growth)
+
+
+def contact_damping(damping: np.ndarray | float, deflection: np.ndarray, growth: float = 1.0) -> np.ndarray:
+    """Damping of tires away from the reference load, as for :func:`tangents`."""
     length = deflection * np.sqrt((1.0 + SOFT_DAMPING) / (deflection + SOFT_DAMPING))
-    return np.asarray(stiffness * deflection ** (exponent - 1.0)), np.asarray(damping * (1.0 + growth * (length - 1.0)))
+    return np.asarray(damping * (1.0 + growth * (length - 1.0)))
 
 
 def contact_force(
@@ -214,7 +219,8 @@ class EffectiveRoad(NamedTuple):
     """Quintic B-spline coefficients on uniform stations of the effective profiles and footprint maps.
 
     `rise` (R, na, n); `stretch` (4, R, na, n), `drag` (3, R, na, n), None for a point follower.  One map (4, 1, na, n),
-    (3, 1, na, n) serves all runs.
+    (3, 1, na, n) serves all runs.  An `edged` road is looked up where the wheels are; elsewhere it is at the speed that
+    is held, and its Taylor series leads to the wheels, which are within 25 mm.
     """
 
     rise: np.ndarray
@@ -222,6 +228,7 @@ class EffectiveRoad(NamedTuple):
     step_m: float
     stretch: np.ndarray | None = None
     drag: np.ndarray | None = None
+    edged: bool = False
 
     @property
     def station_m(self) -> np.ndarray:
@@ -250,7 +257,12 @@ def spline_coefficients(values: np.ndarray) -> np.ndarray:
 
 
 def effective_road(
-    station_m: np.ndarray, rise_m: np.ndarray, stretch: np.ndarray | None = None, drag: np.ndarray | None = None
+    station_m: np.ndarray,
+    rise_m: np.ndarray,
+    stretch: np.ndarray | None = None,
+    drag: np.ndarray | None = None,
+    *,
+    edged: bool = False,
 ) -> EffectiveRoad:
     """Splines of effective profiles (R, na, n) and maps (rows, R, na, n) on uniform stations [m] from the start."""
     step = float(station_m[1] - station_m[0])
@@ -260,6 +272,7 @@ def effective_road(
         step,
         None if stretch is None else spline_coefficients(stretch),
         None if drag is None else spline_coefficients(drag),
+        edged,
     )
 
 

@@ -185,7 +185,8 @@ class EffectiveRoads:
 
         stretch, drag = (np.moveaxis(stack(name), 2, 0) for name in ("stretch", "drag"))
         stretch = np.concatenate([stretch, stack("lift_m")[None]])
-        road = effective_road(np.arange(first, last + 1) * step, stack("rise_m"), stretch, drag)
+        edged = any(key in self.tires.paths for key in met)
+        road = effective_road(np.arange(first, last + 1) * step, stack("rise_m"), stretch, drag, edged=edged)
         of_pass = [met.index(p.key) for p in passes]
         return road.of_runs(of_pass)
 

@@ -77,6 +77,10 @@ class Histories(NamedTuple):
     body: jax.Array
 
 
+#: The road under wheels at a time [s] that are so far ahead (R, na, S) [m] of their places at the speed that is held.
+AtWheels = Callable[[jax.Array, jax.Array], RoadInput]
+
+
 class _State(NamedTuple):
     body: jax.Array
     body_rate: jax.Array
@@ -111,21 +115,28 @@ def _forces(
     time_s: jax.Array,
     state: _State,
     inner_at: Callable[[Extension], SuspensionStates] | None = None,
+    at_wheels: AtWheels | None = None,
 ) -> _Forces:
-    """Forces of a state; `inner_at` gives the states inside suspensions of a stage, None keeps the state's."""
+    """Forces of a state; `inner_at` gives the states inside suspensions of a stage, None keeps the state's.
+
+    `road` is at the speed that is held, unless it is looked up `at_wheels`.
+    """
     axles = matrices.static_load.shape[1]
     shift = jnp.matmul(matrices.position, state.body)
     drift = jnp.matmul(matrices.rate, state.body_rate)
     nominal = motion.speed_at(time_s)
-    if motion.change is not None:
-        road = road.shifted(motion.ahead(motion.change, time_s)[:, None])
-        nominal = nominal + motion.faster(motion.change, time_s)
     advance = shift[:, axles : 2 * axles]
     speed = drift[:, axles : 2 * axles] + nominal[:, None]
     extension = shift[:, :axles] - state.axle
     rate = drift[:, :axles] - state.axle_rate
     if suspension.trailing is not None:
         advance, speed = advance + suspension.trailing * extension, speed + suspension.trailing * rate
+    if at_wheels is not None:
+        known = jax.lax.stop_gradient(advance)
+        road, advance = at_wheels(time_s, known), advance - known
+    if motion.change is not None:
+        road = road.shifted(motion.ahead(motion.change, time_s)[:, None])
+        speed = speed + motion.faster(motion.change, time_s)[:, None]
     unclipped, drag = contact_force(
         tire, road, advance, speed, _at_wheels(matrices, state.axle), _at_wheels(matrices, state.axle_rate)
     )
@@ -189,6 +200,7 @@ def _stages(
     h: float,
     state: _State,
     first: _Forces,
+    at_wheels: AtWheels | None,
 ) -> tuple[_Forces, _Forces, _Forces, _Forces]:
     """Forces of the four stages of a Nystrom step from `state`, whose forces are `first`."""
     half = 0.5 * h
@@ -206,7 +218,7 @@ def _stages(
         start = Extension(first.extension, first.rate)
         inner_at = partial(states_at_stage, suspension, inner, start, tau, middle_rate=middle_rate)
         stage = _State(body, body_rate, axle, axle_rate, inner)
-        return _forces(matrices, suspension, tire, motion, road, time_s + tau, stage, inner_at)
+        return _forces(matrices, suspension, tire, motion, road, time_s + tau, stage, inner_at, at_wheels)
 
     middle_b, middle_z = b + half * vb, z + half * vz
     second = forces(
@@ -247,10 +259,11 @@ def _step(
     h: float,
     state: _State,
     first: _Forces,
+    at_wheels: AtWheels | None,
 ) -> tuple[_State, _Forces]:
     """One Nystrom step from `state`, whose forces are `first`; returns the new state and the mid-step forces."""
     b, vb, z, vz, inner = state
-    stages = _stages(matrices, suspension, tire, motion, roads, time_s, h, state, first)
+    stages = _stages(matrices, suspension, tire, motion, roads, time_s, h, state, first, at_wheels)
     _, second, third, _ = stages
     impulse, moment = _missed_by_stages(matrices, suspension, stages)
 
@@ -363,6 +376,7 @@ def simulate_sensors(
     *,
     interval_s: float,
     substeps: int,
+    at_wheels: AtWheels | None = None,
 ) -> ChannelHistories:
     """What the sensors show at every sample, through the acquisition's filter.
 
@@ -374,6 +388,7 @@ def simulate_sensors(
     layout : observed signals, C channels in all.
     recursion : the anti-alias filter for the integration step, None for unfiltered signals.
     interval_s, substeps : sample interval [s] and integration steps per sample.
+    at_wheels : how the road is looked up where wheels are; without it `road` leads there by its Taylor series.
 
     Returns
     -------
@@ -393,8 +408,8 @@ def simulate_sensors(
         number, stages = inputs
         at = number * h
         stage = [jax.tree.map(lambda v, k=k: v[k], stages) for k in range(3)]
-        first = _forces(matrices, suspension, tire, motion, stage[0], at, state)
-        state, middle = _step(matrices, suspension, tire, motion, stage, at, h, state, first)
+        first = _forces(matrices, suspension, tire, motion, stage[0], at, state, at_wheels=at_wheels)
+        state, middle = _step(matrices, suspension, tire, motion, stage, at, h, state, first, at_wheels)
         now = _observe(matrices, layout, first)
         if recursion is None:
             return (state, memory), now
@@ -415,6 +430,7 @@ def simulate_histories(
     *,
     interval_s: float,
     substeps: int,
+    at_wheels: AtWheels | None = None,
 ) -> Histories:
     """Unfiltered motion and forces at every output interval; arguments as in :func:`simulate_sensors`."""
     samples = (road.rise.shape[0] - 1) // (2 * substeps)
@@ -425,7 +441,7 @@ def simulate_histories(
         number, stages = inputs
         at = number * h
         stage = [jax.tree.map(lambda v, k=k: v[k], stages) for k in range(3)]
-        first = _forces(matrices, suspension, tire, motion, stage[0], at, state)
+        first = _forces(matrices, suspension, tire, motion, stage[0], at, state, at_wheels=at_wheels)
         record = Histories(
             deflection=_at_wheels(matrices, first.extension),
             axle_acceleration=_at_wheels(matrices, first.axle_acceleration),
@@ -435,7 +451,7 @@ def simulate_histories(
             suspension_force=-first.pull,
             body=state.body,
         )
-        state, _ = _step(matrices, suspension, tire, motion, stage, at, h, state, first)
+        state, _ = _step(matrices, suspension, tire, motion, stage, at, h, state, first, at_wheels)
         return state, record
 
     steps = jnp.arange(samples * substeps, dtype=jnp.float64)

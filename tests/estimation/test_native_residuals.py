@@ -123,6 +123,26 @@ def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined
     assert used.all(), [n for n, u in zip(model.parameters.names, used, strict=False) if not u]
 
 
+def test_derivatives_over_a_road_with_edges(made, monkeypatch):
+    """By both engines, and as differences along a direction in which everything moves."""
+    data, state = made
+    model = replace(state.model, roads=tuple(road._replace(edged=True) for road in state.model.roads))
+    edged = state_at(data, model, state.point.log_parameters, state.point.motion, state.point.weights)
+    x, found = state.point.log_parameters + 0.05, []
+    for name in ("reference", "native"):
+        monkeypatch.setenv("SYSID_ENGINE", name)
+        found.append(linearised(edged, x))
+    for theirs, ours in zip(*found, strict=True):
+        assert (np.abs(ours - theirs) <= 1e-10 * np.abs(theirs).max()).all()
+    way, step = np.random.default_rng(3).normal(size=x.size), 1e-5
+    ahead, behind = (linearised(edged, x + sign * step * way).residual for sign in (1.0, -1.0))
+    slope = found[1].residual_jacobian[..., : x.size] @ way
+    by_difference = (ahead - behind) / (2.0 * step)
+    assert np.sqrt(np.mean((slope - by_difference) ** 2)) < 5e-5 * np.sqrt(np.mean(slope**2))
+    smooth = linearised(state, x).residual_jacobian[..., : x.size] @ way
+    assert np.sqrt(np.mean((smooth - by_difference) ** 2)) > 1e-4 * np.sqrt(np.mean(slope**2))
+
+
 def test_every_element_of_campaign_files_is_in_that_comparison():
     """A bilinear damper is part of the asymmetric one; stops of unknown travel have the test below."""
     laws = (law_elements(axle.suspension_law) for axle in campaign_with_every_element("beam").vehicle.axles)

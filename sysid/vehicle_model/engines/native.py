@@ -52,7 +52,7 @@ class NativeEngine:
 
     def prepare(self, road: EffectiveRoad, axle_x: HostOrDevice, motion: Motion, timing: Timing) -> WheelRoad:
         """Nothing to do beforehand."""
-        return WheelRoad(self, _Course(road, axle_x), motion)
+        return WheelRoad(self, _Course(road, axle_x), motion, road.edged)
 
     def sensors(
         self,
@@ -176,6 +176,7 @@ def _call(
         "ramps": ramps[0],
         "stops": ramps[1],
         "rate_ramps": ramps[2],
+        "edged": int(road.edged),
         "deflection_axles": layout.deflection_axles,
         "acceleration_axles": layout.acceleration_axles,
     }

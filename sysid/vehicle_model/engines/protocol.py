@@ -66,17 +66,18 @@ class Columns(NamedTuple):
     gain: HostOrDevice
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=["prepared", "motion"], meta_fields=["engine"])
+@partial(jax.tree_util.register_dataclass, data_fields=["prepared", "motion"], meta_fields=["engine", "edged"])
 @dataclass(frozen=True)
 class WheelRoad:
     """The road that the wheels of R runs meet, prepared by the engine that can use it.
 
-    `motion` of the runs, (R, 1); `prepared` is the engine's own.
+    `motion` of the runs, (R, 1); `prepared` is the engine's own; `edged` as for EffectiveRoad.
     """
 
     engine: Engine
     prepared: Any
     motion: Motion
+    edged: bool = False
 
 
 class Engine(Protocol):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -34,6 +35,13 @@ from sysid.vehicle_model.stacked_matrices import StackedMatrices
 from sysid.vehicle_model.suspension import SuspensionLaw
 
 
+class _Course(NamedTuple):
+    """The road at every half step, at the speed that is held; over edges also the roads and `axle_x` (na, 1) [m]."""
+
+    road: RoadInput
+    edged: tuple[EffectiveRoad, HostOrDevice] | None
+
+
 @partial(jax.jit, static_argnames=("timing",))
 def _looked_up(road: EffectiveRoad, axle_x: HostOrDevice, motion: Motion, *, timing: Timing) -> RoadInput:
     times = stage_times(timing.samples, timing.interval_s, timing.substeps)[:, None, None]
@@ -56,7 +64,8 @@ class ReferenceEngine:
 
     def prepare(self, road: EffectiveRoad, axle_x: HostOrDevice, motion: Motion, timing: Timing) -> WheelRoad:
         """The road at every half step."""
-        return WheelRoad(self, _looked_up(road, axle_x, motion, timing=timing), motion)
+        looked_up = _looked_up(road, axle_x, motion, timing=timing)
+        return WheelRoad(self, _Course(looked_up, (road, axle_x) if road.edged else None), motion, road.edged)
 
     def sensors(
         self,
@@ -126,9 +135,10 @@ def _histories(
         suspension,
         tire,
         road.motion,
-        road.prepared,
+        road.prepared.road,
         interval_s=timing.interval_s,
         substeps=timing.substeps,
+        at_wheels=_at_wheels(road),
     )
 
 
@@ -200,12 +210,21 @@ def _sensors(
         suspension,
         tire,
         motion,
-        road.prepared,
+        road.prepared.road,
         layout,
         recursion,
         interval_s=timing.interval_s,
         substeps=timing.substeps,
+        at_wheels=_at_wheels(road),
     )
+
+
+def _at_wheels(road: WheelRoad) -> simulation.AtWheels | None:
+    """How an edged road is looked up where wheels are."""
+    if road.prepared.edged is None:
+        return None
+    table, axle_x = road.prepared.edged
+    return lambda time, ahead: road_input(table, road.motion.travelled(time)[:, None] - axle_x + ahead)
 
 
 REFERENCE = ReferenceEngine()

@@ -51,7 +51,8 @@ CONSTANTS: dict[str, int | float] = {
 NO_MEMORY = "memory does not suffice for the native engine"
 
 #: What a call says beside its arrays, by its name in C++: numbers, and lists of axles. `elements` are bits of the
-#: elements that suspensions have, then numbers of ramps; the axles are those whose sensors are observed.
+#: elements that suspensions have, then numbers of ramps; the axles are those whose sensors are observed; a road with
+#: edges is looked up where the wheels are.
 SETTINGS: dict[str, type] = {
     "samples": int,
     "substeps": int,
@@ -61,6 +62,7 @@ SETTINGS: dict[str, type] = {
     "ramps": int,
     "stops": int,
     "rate_ramps": int,
+    "edged": int,
     "deflection_axles": list,
     "acceleration_axles": list,
 }

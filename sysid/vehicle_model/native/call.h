@@ -59,6 +59,7 @@ class Inputs {
     if (axles > kMaxAxles) problem = "too many axles for the native engine";
     clock = {settings.samples, settings.substeps, settings.interval};
     growth = settings.growth;
+    edged = settings.edged != 0;
     elements.set(settings.elements);
     elements.ramps = static_cast<int>(settings.ramps);
     elements.stops = static_cast<int>(settings.stops);
@@ -249,6 +250,7 @@ class Inputs {
 
   int64_t runs, axles, sets, coordinates, body_sensors, stations, frames;
   double growth;
+  bool edged = false;
   Elements elements;
   Channels channels;
   Filter filter;
@@ -286,7 +288,7 @@ class Inputs {
       const int64_t own = maps == 1 ? 0 : r * each;
       run.road.push_back({data(kRise) + r * each, footprint ? data(kStretch) + own : nullptr,
                           footprint ? data(kDrag) + own : nullptr, stations, maps * each, footprint && maps < runs,
-                          data(kGrid)[0], data(kGrid)[1], data(kPolynomial)});
+                          edged, data(kGrid)[0], data(kGrid)[1], data(kPolynomial)});
     }
     const auto motion = [&](int number) {
       M x{};
@@ -295,6 +297,7 @@ class Inputs {
     };
     run.motion = {motion(0), motion(1), motion(2)};
     run.growth = growth;
+    run.edged = edged;
     return run;
   }
 

@@ -12,6 +12,7 @@ namespace sysid {
 
 constexpr int kMapRows = 1 + kStretchRows + kDragRows;  // rise, alpha_1, alpha_2, alpha_3, lift, beta_0, beta_1, beta_2
 constexpr int kOrders = 5;   // value and four derivatives along the road
+constexpr double kFurthest = 0.25;  // wheels are at most so far from where they are at the speed that is held [m]
 
 // ---------------------------------------------------------------------------------------------------------- the road
 
@@ -25,6 +26,7 @@ struct RoadTable {
   const double* drag;
   int64_t stations, stride;
   bool common_map;  // several runs have this stretch and drag
+  bool edged;       // looked up where the wheels are
   double first_station, step;
   const double* polynomial;  // (6, 6) from the coefficients around a cell to powers of the position in it
 };
@@ -63,8 +65,9 @@ class WheelRoad {
     while (from < table.stations && !felt(from)) ++from;
     while (to >= from && !felt(to)) --to;
     // A cell is made from the coefficients at two stations before it to three after it.
-    begin = static_cast<double>(from - 3);
-    end = from <= to ? static_cast<double>(to + 3) : begin;
+    const double further = table.edged ? kFurthest / table.step : 0.0;
+    begin = static_cast<double>(from - 3) - further;
+    end = from <= to ? static_cast<double>(to + 3) + further : begin;
   }
 
   // Where the road is not flat, in cells: outside the bump all coefficients are zero.

@@ -22,10 +22,21 @@ bool simulate(const Inputs& in, const Run<M>& run, const Laws<V>& laws, Sink&& s
 }
 
 template <class Sink>
-bool simulate(const Inputs& in, const Lanes& lanes, Sink&& sink) {
-  if (in.sets > 1) return simulate(in, in.run(lanes.run[0]), in.laws(lanes), sink);
+bool simulate_runs(const Inputs& in, const Lanes& lanes, Sink&& sink) {
   std::vector<std::vector<Pack>> numbers;
   return simulate(in, in.runs_of(lanes, numbers), in.laws(lanes), sink);
+}
+
+// Sets of one run. Over edges the road under a wheel depends on the set.
+template <class Sink>
+bool simulate_sets(const Inputs& in, const Lanes& lanes, Sink&& sink) {
+  if (in.edged) return simulate_runs(in, lanes, sink);
+  return simulate(in, in.run(lanes.run[0]), in.laws(lanes), sink);
+}
+
+template <class Sink>
+bool simulate(const Inputs& in, const Lanes& lanes, Sink&& sink) {
+  return in.sets > 1 ? simulate_sets(in, lanes, sink) : simulate_runs(in, lanes, sink);
 }
 
 // Signals (T, R, C, S).
@@ -82,7 +93,7 @@ bool misfits_of(const Inputs& in, const Measured& measured, const Lanes* lanes, 
   for (int p = 0; p < kPacks; ++p) {
     signal[p] = &signals[p * in.clock.samples * channels];
     product[p] = products.data() + p * columns.count;
-    known &= simulate(in, in.run(r), in.laws(lanes[p]), [&](int64_t t, const auto&, const auto&, const Pack* shown) {
+    known &= simulate_sets(in, lanes[p], [&](int64_t t, const auto&, const auto&, const Pack* shown) {
       for (int64_t c = 0; c < channels; ++c) signal[p][c * in.clock.samples + t] = shown[c];
     });
   }

@@ -125,12 +125,12 @@ template <class V, class M, int NB>
 class Step {
  public:
   Step(const Run<M>& run, const Laws<V>& laws, const Channels& channels, double h)
-      : run_(run), laws_(laws), channels_(channels), h_(h), half_(0.5 * h), stage_(4), trial_(1),
+      : run_(run), laws_(laws), channels_(channels), h_(h), half_(0.5 * h), wheels_(run), stage_(4), trial_(1),
         bushing_(run.elements.damper_bushing ? run.axles : 0) {}
 
   // The first stage: forces at the start, where wheels rest in the lanes `resting`.
   void begin(const PointFor<M>* road, double time, const State<V, NB>& at, const Where<M>& resting) {
-    forces<V, M, NB>(run_, laws_, road, time, at, at.inner, nullptr, stage_[0]);
+    forces<V, M, NB>(run_, laws_, road, wheels_, time, at, at.inner, nullptr, stage_[0]);
     hold(resting, stage_[0]);
   }
 
@@ -150,19 +150,19 @@ class Step {
     plus(NB, at.body_rate, half, first.body, trial.body_rate);
     plus(na, at.axle, half, at.axle_rate, trial.axle);
     plus(na, at.axle_rate, half, first.axle, trial.axle_rate);
-    forces<V, M, NB>(run_, laws_, middle, time + half, trial, at.inner, &at_middle, second);
+    forces<V, M, NB>(run_, laws_, middle, wheels_, time + half, trial, at.inner, &at_middle, second);
     hold(resting, second);
     plus(NB, at.body, half, at.body_rate, half * half, first.body, trial.body);
     plus(NB, at.body_rate, half, second.body, trial.body_rate);
     plus(na, at.axle, half, at.axle_rate, half * half, first.axle, trial.axle);
     plus(na, at.axle_rate, half, second.axle, trial.axle_rate);
-    forces<V, M, NB>(run_, laws_, middle, time + half, trial, at.inner, &at_middle, third);
+    forces<V, M, NB>(run_, laws_, middle, wheels_, time + half, trial, at.inner, &at_middle, third);
     hold(resting, third);
     plus(NB, at.body, h, at.body_rate, h * half, second.body, trial.body);
     plus(NB, at.body_rate, h, third.body, trial.body_rate);
     plus(na, at.axle, h, at.axle_rate, h * half, second.axle, trial.axle);
     plus(na, at.axle_rate, h, third.axle, trial.axle_rate);
-    forces<V, M, NB>(run_, laws_, end, time + h, trial, at.inner, &at_end, fourth);
+    forces<V, M, NB>(run_, laws_, end, wheels_, time + h, trial, at.inner, &at_end, fourth);
     hold(resting, fourth);
 
     advance(NB, h, first.body, second.body, third.body, fourth.body, at.body, at.body_rate);
@@ -237,32 +237,11 @@ class Step {
   const Laws<V>& laws_;
   const Channels& channels_;
   double h_, half_;
+  RoadUnderWheels<M> wheels_;  // at its stages
   std::vector<Forces<V, NB>> stage_;
   std::vector<State<V, NB>> trial_;
   std::vector<BushingStart<V>> bushing_;
   Missed<V, NB> missed_;
-};
-
-// The road under all wheels at every half step of the integration.
-template <class M>
-class RoadOfSteps {
- public:
-  RoadOfSteps(const Run<M>& run, const Clock& clock)
-      : run_(run), half_step_(clock.interval / static_cast<double>(2 * clock.substeps)) {
-    for (int i = 0; i < run.axles; ++i) wheels_.emplace_back(run.road, i);
-  }
-  // The road so many half steps after the start; returns where a wheel is not on flat road.
-  Where<M> look_up(int64_t half_steps, PointFor<M>* at) {
-    const M travelled = run_.motion.travelled(static_cast<double>(half_steps) * half_step_);
-    Where<M> felt{};
-    for (int i = 0; i < run_.axles; ++i) felt |= wheels_[i].look_up(travelled - run_.axle_x[i], at[i]);
-    return felt;
-  }
-
- private:
-  const Run<M>& run_;
-  double half_step_;
-  std::vector<RoadUnderWheel<M>> wheels_;
 };
 
 // Integrates one run, or one in each lane, and calls sink(sample, forces, state, shown) at every sample.  The start is the
@@ -272,7 +251,7 @@ void integrate(const Run<M>& run, const Laws<V>& laws, const Channels& channels,
                Sink&& sink) {
   const int na = run.axles, nc = channels.count();
   const double h = clock.step();
-  RoadOfSteps<M> wheels(run, clock);
+  RoadUnderWheels<M> wheels(run);
   std::vector<PointFor<M>> points(3 * na);
   PointFor<M>*road = &points[0], *road_middle = &points[na], *road_end = &points[2 * na];
   FilterMemory<V> memory(filter, nc);
@@ -281,14 +260,14 @@ void integrate(const Run<M>& run, const Laws<V>& laws, const Channels& channels,
   State<V, NB>& at = states[0];
   Step<V, M, NB> step_of(run, laws, channels, h);
 
-  Where<M> resting = opposite(wheels.look_up(0, road));
+  Where<M> resting = opposite(wheels.look_up(0.0, road));
   const int64_t steps = clock.steps();
   for (int64_t step = 0; step < steps; ++step) {
     const double time = static_cast<double>(step) * h;
     const bool sampled = step % clock.substeps == 0;
     if (step > 0) std::swap(road, road_end);
-    const Where<M> middle_felt = wheels.look_up(2 * step + 1, road_middle),
-                   end_felt = wheels.look_up(2 * step + 2, road_end);
+    const Where<M> middle_felt = wheels.look_up(static_cast<double>(2 * step + 1) * (0.5 * h), road_middle),
+                   end_felt = wheels.look_up(static_cast<double>(2 * step + 2) * (0.5 * h), road_end);
     resting = resting & opposite(middle_felt | end_felt);
     const bool all_rest = !any(opposite(resting));
     if (!all_rest || step == 0) step_of.begin(road, time, at, resting);

@@ -59,6 +59,7 @@ struct Run {
   std::vector<RoadTable> road;  // of each lane
   Motion<M> motion;
   double growth;
+  bool edged = false;  // the road is looked up where the wheels are, not by its Taylor series
   Elements elements;
 };
 
@@ -268,6 +269,46 @@ inline Jet<T> forward_speed(const Run<double>& run, const Laws<Jet<T>>& laws, do
   return now + (change.speed + tau * change.acceleration - run.motion.acceleration * change.start);
 }
 
+// ------------------------------------------------------------------------------------------------ the road under wheels
+
+// The road under all wheels of a run, or of one in each lane.
+template <class M>
+class RoadUnderWheels {
+ public:
+  explicit RoadUnderWheels(const Run<M>& run) : run_(run), at_wheels_(run.axles) {
+    for (int i = 0; i < run.axles; ++i) wheels_.emplace_back(run.road, i);
+  }
+
+  // The road where wheels are at the speed that is held; returns where one is not on flat road.
+  Where<M> look_up(double time, PointFor<M>* at) {
+    const M travelled = run_.motion.travelled(time);
+    Where<M> felt{};
+    for (int i = 0; i < run_.axles; ++i) felt |= wheels_[i].look_up(travelled - run_.axle_x[i], at[i]);
+    return felt;
+  }
+
+  // The road where they are; what is left of their advance is its derivatives.
+  template <class V>
+  const PointFor<M>* at_wheels(const PointFor<M>* nominal, double time, Wheels<V>& wheel) {
+    const M travelled = run_.motion.travelled(time);
+    for (int i = 0; i < run_.axles; ++i) {
+      if (nominal[i].flat) {
+        at_wheels_[i].flat = true;
+        continue;
+      }
+      const auto ahead = value(wheel.advance[i]);
+      wheels_[i].look_up(travelled - run_.axle_x[i] + ahead, at_wheels_[i]);
+      wheel.advance[i] = -ahead + wheel.advance[i];
+    }
+    return at_wheels_.data();
+  }
+
+ private:
+  const Run<M>& run_;
+  std::vector<RoadUnderWheel<M>> wheels_;
+  std::vector<PointFor<M>> at_wheels_;
+};
+
 // -------------------------------------------------------------------------------------------------------------- forces
 
 // What axles and frame feel of the springs' forces through rockers: S + s (mean S - S).
@@ -294,10 +335,11 @@ struct StageOfStep {
 // Accelerations and forces in a state:
 //   axles: m_u z'' = V - static load + pull,      bodies: b'' = A [pull; H] - M^-1 (tilt b + hold b'),
 // and as in simulation.py where links lead wheels aft.
-// `stage` is null at the start of a step, where the states inside suspensions are the step's own, `inner`.
+// `stage` is null at the start of a step, where the states inside suspensions are the step's own, `inner`; over edges
+// `wheels` look the road up where they are.
 template <class V, class M, int NB>
-void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, double time, const State<V, NB>& state,
-            const Inner<V>& inner, const StageOfStep<V>* stage, Forces<V, NB>& out) {
+void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, RoadUnderWheels<M>& wheels, double time,
+            const State<V, NB>& state, const Inner<V>& inner, const StageOfStep<V>* stage, Forces<V, NB>& out) {
   const int na = run.axles;
   const bool beams = run.beams.wheel != nullptr;
   if (run.rate_rows != nullptr)
@@ -330,6 +372,9 @@ void forces(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, dou
     wheel.advance[i] = advance;
     wheel.speed[i] = speed;
   }
+  // Sets of one run differ from lane to lane: over edges they come as runs.
+  if constexpr (!std::is_same_v<V, Pack> || std::is_same_v<M, Pack>)
+    if (run.edged) road = wheels.at_wheels(road, time, wheel);
   contacts(run, laws, road, time, wheel, out.unclipped, drag);
   V body[NB]{};
   add_product<NB, NB>(run.position + 2 * na * NB, NB, state.body, body);
