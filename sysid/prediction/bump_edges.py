@@ -10,6 +10,7 @@ from sysid.arrays import Samples
 from sysid.campaign.records import PredictionRequest
 from sysid.estimation.fit.state import FitState
 from sysid.prediction.assumed_stops import AssumedStops
+from sysid.prediction.vehicle_draws import VehicleDraws
 from sysid.prediction.vehicle_groups import hold_s, vehicle_groups
 from sysid.road.wheel_paths import WheelPaths, followed
 from sysid.vehicle_model.engine import Timing
@@ -17,6 +18,13 @@ from sysid.vehicle_model.passes import EDGES, EffectiveRoads, Pass
 
 #: Integration step of the paths, and how long they go on behind the bump [s]: the wheels hop there.
 _STEP_S, _AFTER_S = 0.001, 0.3
+
+
+def driven_over_edges_m_s(state: FitState) -> float:
+    """Largest nominal speed of the runs over bumps with edges [m/s], 0 without such runs."""
+    runs, felt = state.campaign.bump_runs, state.model.felt
+    harsh = {key for key in {(r.load_case, r.bump) for r in runs} if felt.off_springs(Pass(*key)) > EDGES}
+    return max((r.nominal_speed_m_s for r in runs if (r.load_case, r.bump) in harsh), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -44,6 +52,14 @@ class BumpEdges:
                 lambda paths: self.roads.about(driven, paths),
             )
         return self._known[key]
+
+    def vehicles(
+        self, drawn: VehicleDraws | None, felt: EffectiveRoads, request: PredictionRequest
+    ) -> VehicleDraws | None:
+        """The vehicles of all draws in one pass over what the wheels feel of a bump."""
+        if drawn is None or felt is self.roads:
+            return drawn
+        return drawn.over(felt).over_edges(request.speed_m_s, driven_over_edges_m_s(self.state))
 
     def _paths(self, roads: EffectiveRoads, request: PredictionRequest) -> WheelPaths:
         """Where the wheels of the optimum come over the bump."""

@@ -320,7 +320,7 @@ def speed_sweep(
             felt,
             request,
             sets,
-            vehicles if felt is roads or vehicles is None else vehicles.over(felt),
+            vehicles if bumps is None else bumps.vehicles(vehicles, felt, request),
             stops,
             drawn if felt is roads else None,
             interval_s=SWEEP_INTERVAL_S,
@@ -365,7 +365,8 @@ def predict(
     """Axle loads of passes, and the load ratio against speed in their load cases.
 
     Every draw gets its own masses and departures, drawn given its parameters as the fit relates them, and its own error
-    of the forces between tires and road (:data:`sysid.prediction.vehicle_draws.CONTACT_ERROR`).
+    of the forces between tires and road (:data:`sysid.prediction.vehicle_draws.CONTACT_ERROR`, and
+    :data:`sysid.prediction.vehicle_draws.EDGE_ERROR` over edges).
 
     Parameters
     ----------
@@ -398,7 +399,7 @@ def predict(
         if request.road is not None:
             return predict_road(state, request, sets, vehicles, driven, stops, progress)
         felt = bumps.at(request)
-        over = vehicles if felt is roads or vehicles is None else vehicles.over(felt)
+        over = bumps.vehicles(vehicles, felt, request)
         return predict_pass(campaign, parameters, felt, request, sets, over, driven, stops)
 
     # A pass over a bridge keeps one thread busy for long at its end.

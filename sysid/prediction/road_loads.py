@@ -19,6 +19,7 @@ from sysid.campaign.roads import RoadCourse
 from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitState
 from sysid.prediction.assumed_stops import AssumedStops
+from sysid.prediction.bump_edges import driven_over_edges_m_s
 from sysid.prediction.felt_road import HARSH, MOST_HARSH_M, EdgeLoads, FeltRoad, Misfit
 from sysid.prediction.finite import check_finite
 from sysid.prediction.measures import extremes, quantiles
@@ -115,6 +116,8 @@ def predict_road(
     time = clock.interval_s * np.arange(samples)
     place = speed * time[:, None] - x
     on_road = (place >= 0.0) & (place <= course.length_m)
+    if vehicles is not None and any(road.harsh for road in roads):
+        vehicles = vehicles.over_edges(speed, driven_over_edges_m_s(state))
     some_road = roads[0].stretch_of(-1.0, 0.5, 0.0)
     batch, groups = vehicle_groups(state, request.load_case, some_road, sets, vehicles, stops)
     _, (optimum,) = vehicle_groups(state, request.load_case, some_road, state.point.log_parameters[None], None, stops)
