@@ -8,7 +8,7 @@ PIP := -m pip --quiet --disable-pip-version-check
 LOCKED := --require-hashes --only-binary :all: --requirement
 LOCK := uv pip compile --quiet --universal --no-build --python-version 3.11 --generate-hashes --no-header --no-annotate
 
-.PHONY: run quick test test-lowest test-long lock parts audit fuzz test-browser test-bridges docs wheel bench bench-jobs bench-long coverage first-look plank-drops faults constants check-faults check-numbers damages kills soak fleets independent changes lint format clean
+.PHONY: run quick test test-lowest test-long lock parts audit fuzz test-browser test-bridges docs wheel bench bench-jobs bench-long coverage first-look plank-drops faults constants check-faults check-numbers damages kills failing-calls mutations soak fleets independent changes lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)
@@ -88,6 +88,15 @@ damages: $(VENV)/.dev
 # An hour on one core: `run --resume` killed at any moment.
 kills: $(VENV)/.dev
 	$(BIN)/python -m studies.kills --output build/kills --document docs/evidence/robustness.md
+
+# Hours on one core: calls to the system that fail one after the other. Linux with a C compiler.
+failing-calls: $(VENV)/.dev
+	$(BIN)/python -m studies.failing_calls --commands export --output build/failing_calls --document docs/evidence/robustness.md
+
+# Hours on one core: changes of the code that a test must see.
+mutations: $(VENV)/.dev
+	$(BIN)/python $(PIP) install --editable ".[mutation]"
+	$(BIN)/python -m studies.mutations --output build/mutations --document docs/evidence/robustness.md
 
 # Ten minutes on one core: memory, handles and threads of many calibrations in one process.
 soak: $(VENV)/.dev

@@ -97,6 +97,35 @@ def test_unfinished_files_are_removed_here_and_not_behind_links(places: tuple[Pa
     }
 
 
+def test_unfinished_files_are_looked_for_as_deep_as_asked_and_without_paths(
+    places: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    output, _ = places
+    looked_at: list[object] = []
+    scan = os.scandir
+    monkeypatch.setattr(os, "scandir", lambda place: (looked_at.append(place), scan(place))[1])
+    for depth in range(5):
+        deepest = output.joinpath(*"abcde"[:depth])
+        deepest.mkdir(exist_ok=True)
+        for above in (deepest, *deepest.parents)[: depth + 1]:
+            (above / ".writing-3").write_text("")
+    files.remove_unfinished(output, depth=3)
+    # A path could lead elsewhere by now: folders are read that are open.
+    assert [type(place) for place in looked_at] == [int] * 4
+    assert [p.relative_to(output).as_posix() for p in output.rglob(".writing-*")] == ["a/b/c/d/.writing-3"]
+
+
+def test_looking_makes_no_folder(places: tuple[Path, Path]) -> None:
+    output, _ = places
+    missing = output / "predictions" / "peaks.csv"
+    assert files.read_bytes(missing) is None
+    assert not files.is_plain(missing)
+    assert files.read_json(missing) == {}
+    files.remove(missing)
+    files.remove_unfinished(missing.parent)
+    assert list(output.iterdir()) == []
+
+
 def test_the_output_folder_itself_may_be_a_link(tmp_path: Path) -> None:
     (tmp_path / "disk").mkdir()
     (tmp_path / "output").symlink_to(tmp_path / "disk")

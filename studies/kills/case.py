@@ -29,7 +29,7 @@ LIMIT_S = 7200.0
 #: One life in so many ends before its first word, within so many seconds; the others in the stage where the one before
 #: ended or, at the most, so many stages later.
 _EARLY, _EARLY_S, _STAGES_ON = 10, 2.0, 2
-_LOADED = ("sysid.cli.stages", "sysid.workflow.calibration", "sysid.workflow.stages.fit", "sysid.report",
+LOADED = ("sysid.cli.stages", "sysid.workflow.calibration", "sysid.workflow.stages.fit", "sysid.report",
            "sysid.export.models", "sysid.export.tables", "sysid.export.inference_data", "sysid.posterior.sampling",
            "sysid.posterior.log_density", "sysid.prediction.predict_passes", "sysid.prediction.run_bands",
            "sysid.planning.ranking", "sysid.validation.channel_agreement", "filelock", "matplotlib.figure")  # fmt: skip
@@ -39,7 +39,7 @@ _STAGE = re.compile(r"\d+ of \d+ ([a-z_]+)")
 
 def replicate(number: int, bases: Path, seed: int = SEED) -> Record:
     """Where one folder's lives were killed, how the last one ended, and what differs from the undisturbed folder."""
-    for name in _LOADED:
+    for name in LOADED:
         importlib.import_module(name)
     campaign, good = base(bases)
     rng = np.random.default_rng([seed, number])

@@ -1,0 +1,1 @@
+"""Mutations: one small change of the code at a time, and whether a test sees it."""
