@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid.display import NOT_DETERMINED
 from sysid.estimates.suspension_values import AxleEstimates, Estimate
-from sysid.numbers import MISSING, decimals, fixed, listing, speed
+from sysid.numbers import MISSING, decimals, fixed, speed
 from sysid.prediction.quantiles import Quantiles
 from sysid.results.contents import Judgement, Results, Trust
 from sysid.results.pass_limits import pass_name
@@ -186,8 +186,8 @@ def _largest_words(results: Results) -> tuple[str, str]:
     if backed is None:
         return f"{head}: {words}.", ""
     load = in_thousands(backed.peak_N, backed.low_N, backed.high_N)
-    driven = f"Largest within the driven runs: {load} kN on axle {backed.axle + 1} ({backed.pass_name})"
-    return f"{driven}.", f"Not driven, only computed: {words.replace(', extrapolated', '')}."
+    driven = f"Largest as driven: {load} kN on axle {backed.axle + 1} ({backed.pass_name})"
+    return f"{driven}.", f"Only computed: {words.replace(', extrapolated', '')}."
 
 
 def _backed(results: Results) -> PeakLoad | None:
@@ -240,7 +240,7 @@ def loads_answer(results: Results, judgement: Judgement) -> LoadsAnswer | None:
     driven = _driven(results)
     caution = "Loads marked * exceed these runs; their ± leaves out the error of extrapolating."
     if beyond == len(passes) and _backed(results):
-        words = f"Yes, as driven ({driven}); beyond that, estimates only"
+        words = f"Yes, as driven ({driven}); else estimates only"
     else:
         words = "As estimates only" if beyond == len(passes) else "Yes, but for those marked *"
         caution = f"Driven: {driven}. {caution}"
@@ -253,7 +253,7 @@ def _driven(results: Results) -> str:
     for run in results.campaign.bump_runs:
         speeds.setdefault(run.load_case, []).append(run.nominal_speed_m_s)
     ranges = [
-        f"{case} {' to '.join(dict.fromkeys(speed(v) for v in (min(of_case), max(of_case))))} km/h"
+        f"{case} {' to '.join(dict.fromkeys(speed(v) for v in (min(of_case), max(of_case))))}"
         for case, of_case in speeds.items()
     ]
-    return listing(ranges)
+    return f"{', '.join(ranges)} km/h"

@@ -76,7 +76,7 @@ def remedies(results: Results, beyond: Sequence[str]) -> list[str]:
         passes = [name.replace(", ", " at ", 1) for name in beyond]
         steps.append(
             f"If axle loads matter {listing(passes, 3)}, drive as near to these speeds as is safe, add the "
-            "runs and calibrate again: these loads are estimates now, because nobody has driven so."
+            "runs and calibrate again: these loads are only computed."
         )
     if unknown := undeclared_travel(results):
         steps.append(

@@ -292,7 +292,7 @@ def test_what_a_pass_goes_beyond_is_said_once_with_its_axles():
     (said,) = v.notes
     run = results.campaign.bump_runs[0]
     driven = f"{run.load_case} {3.6 * run.nominal_speed_m_s:.0f} km/h"
-    assert v.loads.words == f"Yes, as driven ({driven}); beyond that, estimates only"
+    assert v.loads.words == f"Yes, as driven ({driven}); else estimates only"
     assert v.loads.sentences.startswith("Loads marked * exceed these runs")
     assert (verdict(results).loads.words, verdict(results).loads.sentences) == ("Yes", "")
     both = replace(results.predictions, passes=(one, changed))
