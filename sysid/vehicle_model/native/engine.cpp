@@ -110,7 +110,7 @@ Problem misfits(const Inputs& in, double* const* out) {
   // Packs of one run stand next to each other: two of them go through the columns together.
   constexpr int64_t together = 2;
   const std::vector<Lanes> packs = in.packs_of_sets();
-  const int64_t of_run = packs.size() / in.runs, tasks = (of_run + together - 1) / together;
+  const int64_t of_run = (in.sets + kLanes - 1) / kLanes, tasks = (of_run + together - 1) / together;
   const Measured measured(in, kMisfitsReadings, kMisfitsColumns);
   std::atomic<bool> known{true};
   share(in.runs * tasks, [&](int64_t task) {
