@@ -8,7 +8,7 @@ they agree.  The slope of the deck turns no vertical force into a horizontal one
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -222,7 +222,7 @@ def _grounds(state: FitState, request: PredictionRequest, course: BridgeCourse, 
         lead = int(np.ceil(min(at, APPROACH_S * speed) / speed / INTERVAL_S))
         start = at - speed * lead * INTERVAL_S
         one = felt.stretch_of(start, min(GROWTH_S * speed, 0.5 * max(at, 1.0)), at + end_m)
-        road = one._replace(first_station_m=one.first_station_m - at)
+        road = replace(one, first_station_m=one.first_station_m - at)
         steps = _HARSH_STEPS if felt.harsh else _GENTLE_STEPS
         grounds.append(_Ground(road, lead, steps, 0.0 if felt.harsh else felt.misfit))
     return grounds

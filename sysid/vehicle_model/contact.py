@@ -22,6 +22,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -215,7 +217,13 @@ def _odd_power(x: jax.Array, exponent: jax.Array) -> jax.Array:
     return jnp.where(size > NO_DEFLECTION, jnp.sign(x) * jnp.exp(exponent * jnp.log(safe)), 0.0)
 
 
-class EffectiveRoad(NamedTuple):
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=["rise", "first_station_m", "step_m", "stretch", "drag"],
+    meta_fields=["edged"],
+)
+@dataclass(frozen=True)
+class EffectiveRoad:
     """Quintic B-spline coefficients on uniform stations of the effective profiles and footprint maps.
 
     `rise` (R, na, n); `stretch` (4, R, na, n), `drag` (3, R, na, n), None for a point follower.  One map (4, 1, na, n),
@@ -239,11 +247,11 @@ class EffectiveRoad(NamedTuple):
     def of_runs(self, runs: Sequence[int]) -> EffectiveRoad:
         """The roads of the named runs, in this order; one may be named several times."""
         stretch, drag = (None if table is None else table[:, runs] for table in (self.stretch, self.drag))
-        return self._replace(rise=self.rise[runs], stretch=stretch, drag=drag)
+        return replace(self, rise=self.rise[runs], stretch=stretch, drag=drag)
 
     def for_all(self, count: int) -> EffectiveRoad:
         """The one road as that of so many runs, which share its footprint map."""
-        return self._replace(rise=np.repeat(self.rise, count, axis=0))
+        return replace(self, rise=np.repeat(self.rise, count, axis=0))
 
 
 def spline_coefficients(values: np.ndarray) -> np.ndarray:
@@ -281,7 +289,7 @@ def raised(road: EffectiveRoad, first: int, rise_m: np.ndarray) -> EffectiveRoad
     end = first + rise_m.shape[-1] + 2 * _PADDING
     rise = np.broadcast_to(road.rise, (*rise_m.shape[:2], road.rise.shape[-1])).copy()
     rise[..., first:end] += spline_coefficients(rise_m)
-    return road._replace(rise=rise)
+    return replace(road, rise=rise)
 
 
 def roads_side_by_side(roads: Sequence[EffectiveRoad]) -> EffectiveRoad:
@@ -291,7 +299,8 @@ def roads_side_by_side(roads: Sequence[EffectiveRoad]) -> EffectiveRoad:
         present = [t for t in tables if t is not None]
         return runs_side_by_side(present, axis=-3) if present else None
 
-    return roads[0]._replace(
+    return replace(
+        roads[0],
         rise=runs_side_by_side([r.rise for r in roads], axis=-3),
         stretch=joined([r.stretch for r in roads]),
         drag=joined([r.drag for r in roads]),

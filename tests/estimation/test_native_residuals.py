@@ -126,7 +126,7 @@ def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined
 def test_derivatives_over_a_road_with_edges(made, monkeypatch):
     """By both engines, and as differences along a direction in which everything moves."""
     data, state = made
-    model = replace(state.model, roads=tuple(road._replace(edged=True) for road in state.model.roads))
+    model = replace(state.model, roads=tuple(replace(road, edged=True) for road in state.model.roads))
     edged = state_at(data, model, state.point.log_parameters, state.point.motion, state.point.weights)
     x, found = state.point.log_parameters + 0.05, []
     for name in ("reference", "native"):

@@ -245,7 +245,7 @@ def _only(road: EffectiveRoad, axle: int) -> EffectiveRoad:
 
     assert road.stretch is not None
     assert road.drag is not None
-    return road._replace(rise=kept(road.rise), stretch=kept(road.stretch), drag=kept(road.drag))
+    return replace(road, rise=kept(road.rise), stretch=kept(road.stretch), drag=kept(road.drag))
 
 
 def measured(clean: np.ndarray, kinds: list[str], physics: Physics, rng: np.random.Generator) -> np.ndarray:

@@ -70,7 +70,7 @@ def test_the_last_axle_meets_the_bump_when_the_closed_form_says(engine, monkeypa
     model = bump_model(data, campaign_parameters(data, None), {"bump": bump()})
     (road,) = model.roads
     last = np.array([0.0, 0.0, 1.0])[:, None]
-    road = road._replace(rise=road.rise * last, stretch=road.stretch * last, drag=road.drag * last)
+    road = replace(road, rise=road.rise * last, stretch=road.stretch * last, drag=road.drag * last)
     model = replace(model, roads=(road,))
     found = []
     for share in (0.0, change):

@@ -131,7 +131,7 @@ def test_memory_that_does_not_suffice_ends_the_call_alone(call):
     longer = {**call.settings, "samples": 2**50}
     readings = {name: np.zeros((0, 2, 7)) for name in ("value", "measured", "censored")}
     readings |= {"noise_sd": np.ones((2, 7)), "tempering": np.ones((2, 7)), "gain_sd": np.ones(7)}
-    columns = {"columns_residual": np.zeros((0, 2, 7, 3)), "columns_gain": np.zeros((2, 7, 3))}
+    columns = {"columns_residual": np.zeros((2, 3, 7, 0)), "columns_gain": np.zeros((2, 7, 3))}
     arrays = {**call.arrays, **readings, **columns}
     misfits = Call("misfits", arrays, {**call.sizes, "T": 0, "K": 3}, longer)
     with pytest.raises(MemoryError, match="memory does not suffice"):

@@ -321,11 +321,12 @@ def as_runs(case: Case, sets: range) -> Case:
     )
     apart.tire = tire._replace(growth=case.tire.growth, reference_load=loads, exponent=exponent)
     apart.stacked = jax.tree.map(lambda x: np.concatenate([x] * len(sets)), case.stacked)
-    apart.road = case.road._replace(
+    apart.road = replace(
+        case.road,
         **{
             name: np.concatenate([getattr(case.road, name)] * len(sets), axis=-3)
             for name in ("rise", "stretch", "drag")
-        }
+        },
     )
     apart.motion = Motion(*(np.tile(x, (len(sets), 1)) for x in (SPEED_M_S, START_S, ACCELERATION)))
     return apart
@@ -355,7 +356,8 @@ def test_runs_over_one_road_share_its_footprint_map(both, rows):
     """Eleven vehicles at one speed over bumps of other heights, with one map of all rows or of a drag alone."""
     case = as_runs(truck(footprint=True), range(SETS))
     case.motion = Motion(*(np.full_like(x, x[0, 0]) for x in case.motion[:3]))
-    case.road = case.road._replace(
+    case.road = replace(
+        case.road,
         rise=case.road.rise * np.linspace(0.2, 1.0, 2 * SETS)[:, None, None],
         stretch=np.stack([row / 0.2 * case.road.stretch[0, :1] for row in rows[:4]]),
         drag=np.stack([row / -0.03 * case.road.drag[0, :1] for row in rows[4:]]),
@@ -365,10 +367,10 @@ def test_runs_over_one_road_share_its_footprint_map(both, rows):
         assert (np.abs(mine - other)).max() < 1e-11 * np.abs(other).max()
     apart = copy(case)
     every = {name: np.repeat(getattr(case.road, name), 2 * SETS, axis=1) for name in ("stretch", "drag")}
-    apart.road = case.road._replace(**every)
+    apart.road = replace(case.road, **every)
     mine, _ = both(apart.histories)
     assert np.abs(mine.tire_force - ours.tire_force).max() < 1e-11 * np.abs(ours.tire_force).max()
-    apart.road = apart.road._replace(drag=1.001 * apart.road.drag)
+    apart.road = replace(apart.road, drag=1.001 * apart.road.drag)
     mine, _ = both(apart.histories)
     assert np.abs(mine.tire_force - ours.tire_force).max() > 1e-11 * np.abs(ours.tire_force).max()
 
@@ -381,9 +383,9 @@ def test_a_road_with_edges_is_looked_up_where_wheels_are(both, apart):
     if apart:
         case = as_runs(case, range(SETS))
     station = case.road.first_station_m + case.road.step_m * np.arange(case.road.rise.shape[-1])
-    case.road = case.road._replace(rise=case.road.rise * (1.0 + 0.2 * np.cos(20.0 * np.pi * station)))
+    case.road = replace(case.road, rise=case.road.rise * (1.0 + 0.2 * np.cos(20.0 * np.pi * station)))
     smooth, _ = both(case.histories)
-    case.road = case.road._replace(edged=True)
+    case.road = replace(case.road, edged=True)
     ours, theirs = both(case.histories)
     for mine, other, by_series in zip(ours, theirs, smooth, strict=True):
         assert_same(np.asarray(mine), np.asarray(other), 1e-11)

@@ -269,7 +269,7 @@ class BlendedRoad:
                 total += amplitude * getattr(way, name)
             return total * (1.0 + higher[..., None]) if higher.any() else total
 
-        return base._replace(rise=sum_of("rise"), stretch=sum_of("stretch"), drag=sum_of("drag"))
+        return replace(base, rise=sum_of("rise"), stretch=sum_of("stretch"), drag=sum_of("drag"))
 
 
 def departures(
@@ -330,6 +330,6 @@ def _padded_maps(known: Departures, passes: Sequence[Pass]) -> tuple[EffectiveRo
         if not lifted:
             # Only with radial springs is it known where the wheel is clear of the road.
             stretch[3] = 0.0
-        return base._replace(rise=(one.rise - base.rise) / unit, stretch=stretch, drag=(one.drag - base.drag) / unit)
+        return replace(base, rise=(one.rise - base.rise) / unit, stretch=stretch, drag=(one.drag - base.drag) / unit)
 
     return base, minus(other, 1.0, lifted=False), minus(softer, -_SOFTER), minus(stiffening, _STIFFENING)

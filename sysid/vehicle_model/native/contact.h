@@ -94,7 +94,7 @@ class WheelRoad {
 
   // Polynomials of the cell.
   void enter(int64_t cell) {
-    MapRow weight[kCellPowers];
+    MapRow weight[kCellPowers]{};
     for (int k = 0; k < kCellPowers; ++k) coefficients(cell - 2 + k, weight[k]);
     cell_ = cell;
     for (int power = 0; power < kCellPowers; ++power) {
