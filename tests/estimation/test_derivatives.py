@@ -137,6 +137,7 @@ def test_speed_and_start_at_the_nominal_motion(model, point, noise, monkeypatch)
     assert error[:, 0].max() < 1e-5
 
 
+@pytest.mark.long
 def test_forward_equals_reverse_mode(model, point):
     shape = model.shapes[0]._replace(samples=48, interval_s=0.0025, substeps=1)
     arrays = model.arrays[0]

@@ -160,7 +160,14 @@ def beside_another_axle(drop):
     return replace(drop, log=replace(drop.log, channels=(other, *drop.log.channels)))
 
 
-@pytest.mark.parametrize("altered", [as_recorded, with_offset_and_hole, beside_another_axle])
+@pytest.mark.parametrize(
+    "altered",
+    [
+        as_recorded,
+        pytest.param(with_offset_and_hole, marks=pytest.mark.long),
+        pytest.param(beside_another_axle, marks=pytest.mark.long),
+    ],
+)
 def test_three_seconds_after_the_release_are_fitted(altered, monkeypatch):
     """Also where the rest on the plank is the largest departure from the median, as on 12 of these drops."""
     whole, _ = check_quality(read_campaign(DATA))

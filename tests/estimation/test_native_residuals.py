@@ -97,9 +97,13 @@ def test_linearisation(linearisations, field):
 
 
 @pytest.mark.parametrize(
-    # The last has the rocker too, and every case takes half a minute.
+    # The last has the rocker too, and every case takes half a minute, beams have tests of their own.
     "joined",
-    ["beam", pytest.param("equaliser", marks=pytest.mark.long), "equaliser and bending frame"],
+    [
+        pytest.param("beam", marks=pytest.mark.long),
+        pytest.param("equaliser", marks=pytest.mark.long),
+        "equaliser and bending frame",
+    ],
 )
 def test_linearisation_with_every_element_of_suspension_laws(monkeypatch, joined):
     data = campaign_with_every_element(joined)

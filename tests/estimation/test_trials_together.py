@@ -46,7 +46,7 @@ def alone(trials: list[BumpModel], start: np.ndarray) -> list[tuple[np.ndarray, 
     return [simulate_runs(trial, start, MOTION) for trial in trials]
 
 
-@pytest.mark.parametrize("engine", ["native", "reference"])
+@pytest.mark.parametrize("engine", ["native", pytest.param("reference", marks=pytest.mark.long)])
 def test_trials_together_are_the_trials_alone(trials, engine, monkeypatch):
     monkeypatch.setenv("SYSID_ENGINE", engine)
     parameters, models = trials

@@ -204,7 +204,7 @@ def over_plank(state, speed_m_s: float, *, springs: bool):
     return predict_pass(state.campaign, state.parameters, felt, request, state.point.log_parameters[None])
 
 
-@pytest.mark.parametrize("km_h", [16.0, 48.0])
+@pytest.mark.parametrize("km_h", [pytest.param(16.0, marks=pytest.mark.long), 48.0])
 def test_a_plank_as_a_bump_is_felt_as_by_the_springs(state, km_h: float):
     speed = km_h / 3.6
     time, force = on_springs(0.04, speed)

@@ -81,7 +81,7 @@ def test_load_coefficient_of_the_golden_car(name: str, published: float):
         station, tracks = class_road(name, 2000.0, seed)
         road = felt_road(station, tracks[0], vehicle, load, load, declared_tires(vehicle), "point")
         # A hundredfold preload would brake the car a hundredfold.
-        felt = road.stretch_of(-10.0, 8.0, 2050.0)._replace(stretch=None, drag=None)
+        felt = replace(road.stretch_of(-10.0, 8.0, 2050.0), stretch=None, drag=None)
         timing = Timing(samples, 0.004, 2)
         wheels = wheel_road(
             stacked, felt, np.zeros((1, 1)), Motion(np.full((1, 1), speed), np.full((1, 1), 0.4)), timing

@@ -63,7 +63,7 @@ def test_every_channel_without_lift_off(histories, oracle, step_s: float, limit:
     assert max(errors.values()) < limit, errors
 
 
-@pytest.mark.parametrize("acceleration_m_s2", [-1.5, 1.0])
+@pytest.mark.parametrize("acceleration_m_s2", [-1.5, pytest.param(1.0, marks=pytest.mark.long)])
 def test_a_truck_that_brakes_or_gathers_speed(acceleration_m_s2: float):
     """From 8 m/s to 6.9 or 8.7 m/s at the last axle, with lift-off and without, against DOP853."""
     every = round(OUTPUT_S / FINE_S)

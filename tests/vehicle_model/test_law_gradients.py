@@ -87,7 +87,7 @@ def forward(model) -> Callable[[str], np.ndarray]:
     return of
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.long) if n == RICHEST else n for n in CASES])
 def test_forward_mode_and_differences_agree(model, forward, name: str):
     outcome, free = outcome_of(model, CASES[name])
     slope, run, at = forward(name), jax.jit(outcome), jnp.zeros(free.size)
@@ -100,7 +100,8 @@ def test_forward_mode_and_differences_agree(model, forward, name: str):
         assert float(slope @ direction) == pytest.approx(float(difference), rel=1e-6, abs=1e-6 * np.abs(slope).max())
 
 
-@pytest.mark.parametrize("name", [n if n == RICHEST else pytest.param(n, marks=pytest.mark.long) for n in CASES])
+@pytest.mark.long
+@pytest.mark.parametrize("name", CASES)
 def test_forward_and_reverse_mode_agree(model, forward, name: str):
     outcome, free = outcome_of(model, CASES[name])
     reverse = np.asarray(jax.jit(jax.grad(outcome))(jnp.zeros(free.size))) * free

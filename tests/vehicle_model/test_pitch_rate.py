@@ -101,7 +101,7 @@ def test_rows_of_a_rigid_body_are_the_same_everywhere():
 
 
 @needs_native
-@pytest.mark.parametrize("antialias", [rigid_truck.FILTER, None])
+@pytest.mark.parametrize("antialias", [rigid_truck.FILTER, pytest.param(None, marks=pytest.mark.long)])
 def test_both_engines_give_the_same_signals_and_derivatives(monkeypatch, antialias):
     data = measured_campaign((*rigid_truck.SENSORS, replace(RATE, x_m=2.0)), antialias, bent(9.0))
     found = []
