@@ -294,16 +294,19 @@ def suspension_forces(block: Block, unknowns: Sequence[Unknown], values: np.ndar
 def pushed(block: Block, horizontal: np.ndarray) -> np.ndarray:
     """What fore-aft motion adds to the balance, spectra (1 + na, nu, F): without horizontal forces, and by each.
 
-    M_c (xi'' + xi' / tau) + m u'' = sum X_i along the chain, M_c its mass and tau the time constant of what holds the
-    speed.
+    M_c (xi'' + d' q' / tau) + m u'' = sum X_i along the chain, M_c its mass, d the row of the point where the speed is
+    held, tau the time constant.
     """
     m, columns, omega = block.matrices, block.columns, block.omega
     along = np.setdiff1d(np.arange(m.mass.shape[0]), columns)
-    stiff = m.mass[np.ix_(along, along)] + np.diag(m.chain_mass / block.passage.hold_s) / (1j * omega[:, None, None])
-    answer = np.linalg.inv(stiff) @ m.mass[np.ix_(along, columns)]
+    hold = m.drive.T @ ((m.chain_mass / block.passage.hold_s)[:, None] * m.drive) / (1j * omega[:, None, None])
+    stiff = m.mass + hold
+    across = stiff[:, along][:, :, columns]
+    answer = np.linalg.inv(stiff[:, along][:, :, along]) @ across
     # (F, nu, along): by forces along the chain, through the travel that they cause.
     through = np.conj(np.swapaxes(np.conj(answer), 1, 2))
-    still = -through @ (m.mass[np.ix_(along, columns)] @ block.inertia[0]).T[:, :, None]
+    held = hold[:, columns][:, :, columns] - through @ across
+    still = held @ block.inertia[0].T[:, :, None]
     levers = through @ m.travel[:, along].T - m.travel[:, columns].T
     return np.concatenate([np.moveaxis(still, 2, 0), np.moveaxis(levers * horizontal.T[:, None, :], 2, 0)]).swapaxes(
         1, 2

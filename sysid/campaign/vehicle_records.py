@@ -156,12 +156,18 @@ class MassTolerances:
 EXACT_MASSES = MassTolerances(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
+#: Where the force that holds the speed acts: at the first body's centre of gravity, or on the road, by driven wheels.
+DrivenAt = Literal["centre", "road"]
+
+
 @dataclass(frozen=True)
 class Vehicle:
     """The vehicle of the campaign: bodies and axles front to rear, and the gravity that turns masses into weights.
 
     `groups` are axles on common beams, `equalisers` rockers between springs.  `tolerances` say how far its mass
-    properties, and those of the load cases, may be from the declared ones.
+    properties, and those of the load cases, may be from the declared ones.  `driven_at` is None where it is not
+    declared, which stands for the centre; `hold_s` is a time constant [s] in place of those of the runs, None for
+    these, and `hold_factor` a factor on either.
     """
 
     name: str
@@ -172,6 +178,9 @@ class Vehicle:
     groups: tuple[AxleGroup, ...] = ()
     tolerances: MassTolerances = MassTolerances()
     equalisers: tuple[Equaliser, ...] = ()
+    driven_at: DrivenAt | None = None
+    hold_s: float | None = None
+    hold_factor: float = 1.0
 
     @property
     def suspension_axle(self) -> tuple[int, ...]:

@@ -37,9 +37,9 @@ from sysid.vehicle_model.wheel_places import wheel_paths
 SLOW_M_S = 4.0 / 3.6
 
 
-def hold_s(speed_m_s: float) -> float:
-    """Time constant [s] with which a predicted pass over a bump holds its speed [m/s]."""
-    return SPEED_HOLD_S * min(1.0, speed_m_s / SLOW_M_S)
+def hold_s(speed_m_s: float) -> float | None:
+    """Time constant [s] with which a slow pass over a bump holds its speed [m/s]; None for that of all passes."""
+    return SPEED_HOLD_S * speed_m_s / SLOW_M_S if speed_m_s < SLOW_M_S else None
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def vehicle_groups(
     sets: DrawsByParameters,
     vehicles: VehicleDraws | None,
     stops: AssumedStops | None,
-    held_s: float = SPEED_HOLD_S,
+    held_s: float | None = None,
 ) -> tuple[PassBatch, list[VehicleGroup]]:
     """The pass of the vehicle with declared masses, and the vehicles of all draws, some at a time.
 

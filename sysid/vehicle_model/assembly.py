@@ -49,8 +49,10 @@ class PlanarMatrices:
     - `attachment` (na, nb): vertical motion of the body above each suspension (of an axle group the first row; its
       second row is the pitch of the body, further ones are zero, as the unsprung coordinates of :class:`Beams`);
     - `travel` (na, nb): forward motion of each wheel centre;
-    - `drive` (chains, nb): forward motion of the point where each chain is driven (its first body's centre of gravity);
+    - `drive` (chains, nb): forward motion of the point of its first body where each chain is driven: the centre of
+      gravity, or the road;
     - `chain_mass` (chains,): mass that is driven [kg];
+    - `hold_s`: time constant that holds the speed [s], None for those of the runs, and `hold_factor` on either;
     - `static_load` (na,): vertical road force at rest [N];
     - `carried_load` (na,): static force on its suspension [N];
     - `heave_rows`, `travel_rows`, `pitch_rows` (bodies, nb): motion of each centre of gravity;
@@ -77,6 +79,8 @@ class PlanarMatrices:
     sharing: np.ndarray | None = None
     frames: tuple[FrameMode, ...] = ()
     frame_columns: tuple[int, ...] = ()
+    hold_s: float | None = None
+    hold_factor: float = 1.0
 
     def body_point(self, body: int, x_m: float) -> np.ndarray:
         """Row (nb,) that gives the vertical motion of a point of `body` at `x_m` behind axle 1."""
@@ -164,13 +168,16 @@ def assemble(vehicle: Vehicle, load_case: LoadCase, first: LoadCase | None = Non
             hinge_h = _hinge_height(vehicle, rear, cg_h)
             tilt[rear] += hitch_load[rear] * (hinge_h - cg_h[rear])
             tilt[front] -= hitch_load[rear] * (hinge_h - cg_h[front])
+    leading = [chain[0] for chain in groups]
+    # Engine, axle and wheels turn against each other: together they push the body at the height of the road.
+    below = cg_h[leading] if vehicle.driven_at == "road" else np.zeros(len(leading))
     return PlanarMatrices(
         mass=mass,
         tilt=pitch.T @ (tilt[:, None] * pitch),
         unsprung_mass=unsprung,
         attachment=attachment,
         travel=wheel_travel,
-        drive=travel[[chain[0] for chain in groups]],
+        drive=travel[leading] + below[:, None] * pitch[leading],
         chain_mass=np.array([sprung[c].sum() + unsprung[np.isin(body_of, c)].sum() for c in groups]),
         static_load=statics.tire_load_N,
         carried_load=carried_by_suspensions(vehicle) @ preload,
@@ -182,6 +189,8 @@ def assemble(vehicle: Vehicle, load_case: LoadCase, first: LoadCase | None = Non
         sharing=equaliser_means(vehicle),
         frames=frames,
         frame_columns=columns,
+        hold_s=vehicle.hold_s,
+        hold_factor=vehicle.hold_factor,
     )
 
 

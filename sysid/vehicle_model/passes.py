@@ -41,7 +41,7 @@ HOLD_S: dict[SpeedHeld, float] = {"servo": SPEED_HOLD_S, "towed": SPEED_HOLD_S, 
 class Pass:
     """One pass over a bump: load case and bump by name, and how the speed is held.
 
-    `hold_s` is a time constant [s] in place of that of `speed_held`, None for the latter; `run` names the run.
+    `hold_s` is a time constant [s] in place of those of the vehicle and of `speed_held`; `run` names the run.
     """
 
     load_case: str
@@ -209,8 +209,11 @@ def pass_matrices(
 
     Accelerometers are at `body_points` (body, x_m), sensors of pitch rate at `rate_points`.
     """
-    hold_s = [HOLD_S[p.speed_held] if p.hold_s is None else p.hold_s for p in passes]
-    return stack_matrices([matrices[p.load_case] for p in passes], body_points, hold_s, rate_points)
+    of_passes = [matrices[p.load_case] for p in passes]
+    hold_s = [
+        p.hold_s or m.hold_factor * (m.hold_s or HOLD_S[p.speed_held]) for p, m in zip(passes, of_passes, strict=True)
+    ]
+    return stack_matrices(of_passes, body_points, hold_s, rate_points)
 
 
 def make_pass_batch(

@@ -1,4 +1,4 @@
-"""Rockers and bending frames that nobody declared: found where there is one, and nowhere else."""
+"""Rockers, bending frames and drives that nobody declared: found where there is one, and nowhere else."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from sysid.estimation.fit.state import restored
 from sysid.estimation.fit.thresholds import DECISIVE, MISFIT
 from sysid.estimation.parameters.campaign_parameters import campaign_parameters
 from sysid.estimation.parameters.rockers import LoadShare, load_shares, share_from_fit
-from sysid.estimation.parameters.undeclared_parts import NO_PARTS, UndeclaredParts
+from sysid.estimation.parameters.undeclared_parts import NO_PARTS, Drive, UndeclaredParts
 from sysid.estimation.residuals.bump_model import bump_model
 from sysid.estimation.residuals.compressed import Compressed
 from sysid.estimation.residuals.run_motion import RunMotion
@@ -47,10 +47,16 @@ PROFILES = {"bump": bump()}
 TANDEM = (Equaliser("tandem", (1, 2)),)
 
 
-def measured(share: float, friction: float, bending_hz: float = 0.0, laden: FrameMass | None = None):
+def measured(
+    share: float,
+    friction: float,
+    bending_hz: float = 0.0,
+    laden: FrameMass | None = None,
+    drive: Drive | None = None,
+):
     """A campaign of linear laws on a rigid frame without a rocker; its readings from a truck with one of these.
 
-    `laden` says where the mass of its frame lies in the second load case.
+    `laden` says where the mass of its frame lies in the second load case, `drive` what held the speed.
     """
     linear = tuple(replace(a, suspension_law="linear", load_dependent=False) for a in AXLES)
     rubbing = tuple(replace(a, suspension_law="friction" if friction else "linear") for a in linear)
@@ -60,6 +66,8 @@ def measured(share: float, friction: float, bending_hz: float = 0.0, laden: Fram
     true = replace(VEHICLE, axles=rubbing, equalisers=TANDEM if share else ())
     if bending_hz:
         true = replace(true, bodies=(replace(true.bodies[0], bending=FrameBending(bending_hz, 0.025)),))
+    if drive is not None:
+        true = replace(true, driven_at=drive.at, hold_s=drive.hold_s)
     true_cases = cases if laden is None else (EMPTY, replace(LADEN, frame_masses=(laden,)))
     behind = campaign(runs, load_cases=true_cases, vehicle=true)
     parameters = campaign_parameters(behind, None)
@@ -168,6 +176,23 @@ def test_a_frame_that_nobody_declared_to_bend_is_part_of_the_fit():
     problems = state.problem(), again.problem()
     signals = [simulate_runs(p.model, state.point.log_parameters, state.point.motion)[0] for p in problems]
     np.testing.assert_array_equal(*signals)
+
+
+@pytest.mark.parametrize("time_s", [0.05, 0.4])
+def test_wheels_that_hold_the_speed_are_part_of_the_fit(time_s):
+    fit, state = fit_with_laws(measured(0.0, 0.0, drive=Drive("road", time_s)), None, PROFILES, OPTIONS)
+    assert fit.undeclared_drive.at == "road"
+    # Times are tried in steps of two, as long as another one explains a hundredth of what is left.
+    assert fit.undeclared_drive.hold_s == pytest.approx(time_s, rel=0.6)
+    assert "held by its wheels" in fit.warnings[0]
+    assert [p.value for p in fit.parameters if p.quantity == "stiffness"] == pytest.approx(STIFFNESS, rel=0.02)
+    assert fit.undeclared_rockers == fit.undeclared_frames == ()
+    assert state.campaign.vehicle.driven_at == "road"
+
+
+def test_a_truck_that_is_driven_as_declared_has_no_other_drive():
+    fit, _ = fit_with_laws(measured(0.0, 0.0), None, PROFILES, OPTIONS)
+    assert fit.undeclared_drive is None
 
 
 #: Mass of a loaded frame that lies where the shape moves most: its frequency falls to half of the one assumed.
@@ -344,7 +369,7 @@ def test_tried_modal_masses_move_the_frequency_under_load_to_the_share_that_they
 def test_shapes_of_frames_settle_before_other_masses_move(monkeypatch):
     """They may be far off: beside them a mass would take up what is due to the shape."""
     done, near = [], NEAR_SD / 2.0
-    shapes = SimpleNamespace(masses=SimpleNamespace(frame_shapes=np.array([True])))
+    shapes = SimpleNamespace(masses=SimpleNamespace(undeclared=np.array([True])))
     steps = iter([("shapes", 5.0), ("shapes", near), ("all", 1.0), ("all", near), ("all", near)])
 
     def step(*unused, kind: str):

@@ -316,11 +316,11 @@ def bending_truck():
 
 def test_where_the_mass_of_a_bending_frame_lies_is_unknown_in_every_load_case():
     masses = uncertain_masses(bending_truck())
-    of_frames = [f.name for f, frame in zip(masses.factors, masses.frame_shapes, strict=True) if frame]
+    of_frames = [f.name for f, frame in zip(masses.factors, masses.undeclared, strict=True) if frame]
     body = VEHICLE.bodies[0].name
     quantities = ("frame_heave", "frame_pitch", "frame_modal_mass_factor")
     assert of_frames == [f"{q}[{body}, {case}]" for case in ("empty", "laden") for q in quantities]
-    assert not uncertain_masses(campaign([empty_run("a.csv", 6.0)], vehicle=TOLERANT)).frame_shapes.any()
+    assert not uncertain_masses(campaign([empty_run("a.csv", 6.0)], vehicle=TOLERANT)).undeclared.any()
 
 
 def test_amounts_of_a_frame_are_added_to_those_of_its_load_case():
@@ -427,7 +427,7 @@ def test_a_stop_that_is_found_late_asks_for_weights_once_more(monkeypatch, found
     lengths = iter([1.0, 1.0, 0.5, 0.01])
     step = JointStep(np.zeros(1), np.ones(1), np.ones(1))
     monkeypatch.setattr(joint_optimum, "with_touched_stops", touched)
-    monkeypatch.setattr(joint_optimum, "_with_frame_shapes", lambda campaign, optimum, *rest: optimum)
+    monkeypatch.setattr(joint_optimum, "_with_undeclared", lambda campaign, optimum, *rest: optimum)
     monkeypatch.setattr(joint_optimum, "_allowances", lambda *given: None)
     monkeypatch.setattr(joint_optimum, "_step", lambda *given: joint_optimum._Step(step, None, next(lengths)))
     monkeypatch.setattr(joint_optimum, "_improved", improved)

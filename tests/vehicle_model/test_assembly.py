@@ -107,3 +107,18 @@ def test_a_hinge_without_a_height_lies_at_the_centre_of_gravity():
 def test_masses_that_do_not_add_up_are_refused():
     with pytest.raises(CampaignError, match="kg"):
         assemble(replace(VEHICLE, axles=AXLES), replace(EMPTY, sprung_mass_kg=(9000.0,)))
+
+
+@CASES
+@pytest.mark.parametrize(("at", "height_m"), [(None, None), ("centre", None), ("road", 0.0)])
+def test_what_holds_the_speed_takes_the_power_of_the_point_where_it_acts(vehicle, load_case, at, height_m):
+    """d q is the forward motion of that point of the first body, by the kinematics: its force F does the work F v."""
+    motions, _ = all_motions(vehicle, load_case)
+    m = assemble(replace(vehicle, driven_at=at), load_case)
+    for motion in motions.T:
+        xi, z, theta = motion.reshape(-1, 3).T
+        q = np.concatenate([[xi[c[0]], z[c[0]], *theta[c]] for c in chains(vehicle)])
+        for row, (first, *_) in zip(m.drive, chains(vehicle), strict=True):
+            cg_h = load_case.cg_height_m[first]
+            below = cg_h - (cg_h if height_m is None else height_m)
+            assert row @ q == pytest.approx(xi[first] + theta[first] * below, abs=1e-12)

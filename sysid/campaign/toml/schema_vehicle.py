@@ -20,6 +20,7 @@ from sysid.campaign.toml.schema_fields import (
     Travel,
 )
 from sysid.campaign.toml.schema_priors import PriorsTable
+from sysid.campaign.vehicle_records import DrivenAt
 
 
 class FrameShapeTable(Table):
@@ -209,6 +210,7 @@ class VehicleTable(Table):
     name: Name
     wheelbase_m: Length | None = None
     gravity_m_s2: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=9.0, le=10.0)] = 9.81
+    driven_at: DrivenAt | None = None
     tolerances: TolerancesTable = Field(default_factory=TolerancesTable)
     body: Annotated[list[BodyTable], Field(min_length=1, max_length=20)]
     axle: Annotated[list[AxleTable], Field(min_length=1, max_length=40)]

@@ -90,6 +90,7 @@ class VehicleReader:
             axles=tuple(self._axle(table.axle[i], i, several) for i in order),
             gravity_m_s2=table.gravity_m_s2,
             wheelbase_m=table.wheelbase_m,
+            driven_at=table.driven_at,
             groups=tuple(
                 AxleGroup(g.name, self._members(g, i), g.mass_kg or 0.0, g.pitch_inertia_kg_m2 or 0.0)
                 for i, g in enumerate(table.group)

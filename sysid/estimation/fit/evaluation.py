@@ -42,13 +42,12 @@ from sysid.estimation.residuals.run_motion import (
 from sysid.estimation.residuals.side_unknowns import KINDS
 from sysid.estimation.residuals.signals import simulate_runs
 from sysid.estimation.uncertainty.allowances import campaign_allowances
-from sysid.estimation.uncertainty.frame_shapes import FRAME_SD
 from sysid.estimation.uncertainty.identifiability import IDENTIFIED_SHRINKAGE, Identifiability, assess
 from sysid.estimation.uncertainty.information import AdjustedInformation, adjusted_information
 from sysid.estimation.uncertainty.mass_response import MassResponse
 from sysid.estimation.uncertainty.normal_equations import NormalEquations
 from sysid.estimation.uncertainty.shared_errors import further_unknowns
-from sysid.estimation.uncertainty.uncertain_masses import UncertainMasses
+from sysid.estimation.uncertainty.uncertain_masses import UNDECLARED, UncertainMasses
 from sysid.estimation.weights.residual_evidence import ResidualEvidence
 from sysid.estimation.weights.reweighting import residual_inflation
 from sysid.estimation.weights.whiteness import residual_evidence
@@ -188,7 +187,7 @@ def _mass_checks(
     return tuple(
         MassCheck(f.name, f.quantity, f.words, f.sd, float(np.exp(estimate)), float(after))
         for f, estimate, after in zip(masses.factors, response.amounts, sd, strict=False)
-        if f.quantity not in FRAME_SD and f.quantity not in KINDS
+        if f.quantity not in UNDECLARED and f.quantity not in KINDS
     )
 
 

@@ -9,7 +9,7 @@ from sysid.arrays import ParametersByParameters
 from sysid.estimation.fit.causes import Cause
 from sysid.estimation.parameters.estimate import ParameterEstimate, ParameterEstimates
 from sysid.estimation.parameters.rockers import LoadShare
-from sysid.estimation.parameters.undeclared_parts import UndeclaredFrame
+from sysid.estimation.parameters.undeclared_parts import Drive, UndeclaredFrame
 from sysid.estimation.residuals.run_history import RunHistory
 from sysid.estimation.uncertainty.further_unknowns import FurtherUnknowns
 from sysid.estimation.uncertainty.identifiability import Identifiability
@@ -128,8 +128,8 @@ class FitResult(Tabular):
     - `masses`: what the data say about declared masses; `covariance` includes their tolerances;
     - `identifiability`: what the data determine (:mod:`sysid.estimation.uncertainty.identifiability`);
     - `load_shares` of the declared rockers between springs;
-    - `undeclared_rockers` and `undeclared_frames` are rockers and bending frames that the campaign file does not
-      declare but the residuals show (:mod:`sysid.estimation.fit.part_search`): they are part of the model;
+    - `undeclared_rockers`, `undeclared_frames` and `undeclared_drive` are what the campaign file does not declare but
+      the residuals show (:mod:`sysid.estimation.fit.part_search`): they are part of the model;
     - `doubts` are those `warnings` that make the values doubtful and that none of the other fields says: numerical
       errors, values that contradict what was declared;
     - `causes`: what the records show that the campaign file does not say, by kind;
@@ -166,6 +166,7 @@ class FitResult(Tabular):
     undeclared_rockers: tuple[LoadShare, ...] = ()
     misfit: float = float("nan")
     undeclared_frames: tuple[UndeclaredFrame, ...] = ()
+    undeclared_drive: Drive | None = None
     doubts: tuple[str, ...] = ()
     causes: tuple[Cause, ...] = ()
     impossible: tuple[str, ...] = ()
@@ -186,7 +187,8 @@ class FitResult(Tabular):
     def proposals(self) -> tuple[str, ...]:
         """Sentences that ask to declare what the data show."""
         rockers = (r.proposal for r in self.undeclared_rockers)
-        return (*rockers, *(f.proposal for f in self.undeclared_frames))
+        drive = () if self.undeclared_drive is None else (self.undeclared_drive.proposal,)
+        return (*rockers, *(f.proposal for f in self.undeclared_frames), *drive)
 
     @property
     def names(self) -> tuple[str, ...]:

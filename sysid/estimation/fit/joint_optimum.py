@@ -116,7 +116,7 @@ def joint_optimum(
     reweighted, final = replace(rough, weight_rounds=min(options.weight_rounds, 1)), options.phase(weight_rounds=0)
     if not options.preview:
         final = replace(final, max_iterations=_LONGER * final.max_iterations)
-    optimum = _with_frame_shapes(campaign, optimum, profiles, options, reweighted, report)
+    optimum = _with_undeclared(campaign, optimum, profiles, options, reweighted, report)
     before: _Step | None = None
     for number in range(rounds):
         if number in scans:
@@ -142,7 +142,7 @@ def joint_optimum(
     return optimum if step.largest < SETTLED_SD else _unsettled(optimum)
 
 
-def _with_frame_shapes(
+def _with_undeclared(
     campaign: Campaign,
     optimum: Optimum,
     profiles: Mapping[str, RoadProfile],
@@ -150,15 +150,16 @@ def _with_frame_shapes(
     phase: Phase,
     report: Progress,
 ) -> Optimum:
-    """The optimum of the parameters and of the shapes of frames that bend, all other masses as declared.
+    """The optimum of the parameters and of what nobody declares, all masses as declared.
 
-    Shapes may differ much from the assumed ones. Before they are known, other masses would absorb their effect.
+    Shapes of frames that bend, and the time that holds the speed, may differ much from the assumed ones. Before they
+    are known, masses would absorb their effect.
     """
     for _ in range(ROUNDS):
         allowances = _allowances(campaign, optimum.problem.model)
-        if not allowances.masses.frame_shapes.any():
+        if not allowances.masses.undeclared.any():
             break
-        report("shapes of frames that bend", 0.9)
+        report("frames that bend, and what holds the speed", 0.9)
         step = _shape_step(campaign, optimum, allowances)
         moved = _improved(campaign, optimum, step, profiles, options, phase, report, worse=1.0)
         if moved is None:
@@ -246,10 +247,10 @@ def _step(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> _Step
 
 
 def _shape_step(campaign: Campaign, optimum: Optimum, allowances: Allowances) -> _Step:
-    """The next step of parameters and shapes of frames alone."""
+    """The next step of parameters and of what nobody declares alone."""
     data, prior, pull, amounts, following = _here(campaign, optimum, allowances)
     sd = np.zeros(allowances.count)
-    sd[: allowances.masses.sd.size] = np.where(allowances.masses.frame_shapes, allowances.masses.sd, 0.0)
+    sd[: allowances.masses.sd.size] = np.where(allowances.masses.undeclared, allowances.masses.sd, 0.0)
     step = joint_step(data.matrix, data.score, prior, pull, sd, amounts, following)
     return _Step(step, None, step.largest)
 

@@ -118,6 +118,7 @@ def fit_with_laws(
         fit,
         undeclared_rockers=rockers,
         undeclared_frames=frames,
+        undeclared_drive=parts.drive,
         law_comparison=comparison,
         contact_trials=trials,
     )

@@ -1,4 +1,4 @@
-"""Undeclared parts that the residuals require: rockers between springs, and frames that bend."""
+"""Undeclared parts that the residuals require: rockers between springs, frames that bend, another drive."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from sysid.campaign.records import Campaign
+from sysid.estimation.fit.drive_search import drive_candidates
 from sysid.estimation.fit.frame_search import frame_candidates, modal_mass_candidates
 from sysid.estimation.fit.least_squares import optimise
 from sysid.estimation.fit.minimiser import promised_fall
@@ -96,4 +97,9 @@ def _cost_at_end(optimum: Optimum) -> float:
 def candidates_of(campaign: Campaign) -> tuple[PartCandidate, ...]:
     """All parts that are searched for."""
     vehicle = campaign.vehicle
-    return (*rocker_candidates(vehicle), *frame_candidates(vehicle), *modal_mass_candidates(campaign))
+    return (
+        *rocker_candidates(vehicle),
+        *frame_candidates(vehicle),
+        *modal_mass_candidates(campaign),
+        *drive_candidates(campaign),
+    )

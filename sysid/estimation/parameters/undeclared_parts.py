@@ -1,4 +1,4 @@
-"""Parts of a vehicle that its campaign file does not declare and a fit has added: rockers, and frames that bend."""
+"""Parts of a vehicle that its campaign file does not declare and a fit has added: rockers, frames, the drive."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.campaign.records import Campaign
-from sysid.campaign.vehicle_records import Equaliser, FrameBending, FrameMass, Vehicle
+from sysid.campaign.vehicle_records import DrivenAt, Equaliser, FrameBending, FrameMass, Vehicle
 from sysid.display import Z90
 from sysid.estimation.parameters.estimate import ParameterEstimate
 from sysid.estimation.parameters.parameter_set import bending_names
@@ -32,22 +32,43 @@ class ModalMass:
 
 
 @dataclass(frozen=True)
-class UndeclaredParts:
-    """`rockers` between springs, `frames` that bend and their `modal_masses` where these are not as assumed.
+class Drive:
+    """What holds the speed: where its force acts, and its time constant [s]."""
 
-    True where there is any; sums hold the parts of both.
+    at: DrivenAt
+    hold_s: float
+
+    @property
+    def proposal(self) -> str:
+        """The sentence that asks to declare it."""
+        where = "its wheels on the road" if self.at == "road" else "a force at its centre of gravity"
+        return (
+            f"The truck behaves as if its speed was held by {where}: all results include this. If so, declare "
+            f'driven_at = "{self.at}" in [vehicle].'
+        )
+
+
+@dataclass(frozen=True)
+class UndeclaredParts:
+    """`rockers` between springs, `frames` that bend, their `modal_masses` where not as assumed, and the `drive`.
+
+    True where there is any; sums hold the parts of both, and the later drive.
     """
 
     rockers: tuple[Equaliser, ...] = ()
     frames: tuple[BendingFrame, ...] = ()
     modal_masses: tuple[ModalMass, ...] = ()
+    drive: Drive | None = None
 
     def __bool__(self) -> bool:
-        return bool(self.rockers or self.frames or self.modal_masses)
+        return bool(self.rockers or self.frames or self.modal_masses or self.drive)
 
     def __add__(self, other: UndeclaredParts) -> UndeclaredParts:
         return UndeclaredParts(
-            self.rockers + other.rockers, self.frames + other.frames, self.modal_masses + other.modal_masses
+            self.rockers + other.rockers,
+            self.frames + other.frames,
+            self.modal_masses + other.modal_masses,
+            other.drive or self.drive,
         )
 
     def on(self, vehicle: Vehicle) -> Vehicle:
@@ -55,6 +76,8 @@ class UndeclaredParts:
         bodies = list(vehicle.bodies)
         for frame in self.frames:
             bodies[frame.body] = replace(bodies[frame.body], bending=frame.bending)
+        if self.drive is not None:
+            vehicle = replace(vehicle, driven_at=self.drive.at, hold_s=self.drive.hold_s)
         return replace(vehicle, bodies=tuple(bodies), equalisers=(*vehicle.equalisers, *self.rockers))
 
     def in_campaign(self, campaign: Campaign) -> Campaign:

@@ -29,6 +29,10 @@ from sysid.vehicle_model.passes import EffectiveRoads
 
 T = TypeVar("T")
 
+#: What holds the speed of a truck that is driven by its wheels: an engine in a low gear, a driver's foot; within a
+#: factor of two (an assumption).
+HOLD, HOLD_SD = "hold_factor", 0.7
+
 UNSPRUNG, INERTIA, CG_HEIGHT, HITCH_HEIGHT, AXLE_LOAD, SCALE = (
     "unsprung_mass_factor",
     "pitch_inertia_factor",
@@ -37,6 +41,8 @@ UNSPRUNG, INERTIA, CG_HEIGHT, HITCH_HEIGHT, AXLE_LOAD, SCALE = (
     "axle_load_factor",
     "axle_load_scale_factor",
 )
+#: Quantities that no campaign file declares.
+UNDECLARED = frozenset({*FRAME_SD, HOLD})
 #: The simulation uses no factor further from one than this many tolerances. 99.99 % of normal draws are inside, so a
 #: factor comes near this limit only if the data require it.
 REACH_SD = 4.0
@@ -85,9 +91,9 @@ class UncertainMasses:
         return tuple(((f.quantity, f.place, f.load_case, f.of), float(a)) for f, a in pairs if f.quantity in KINDS)
 
     @property
-    def frame_shapes(self) -> np.ndarray:
-        """Which factors (m,) belong to the shape of a frame that bends."""
-        return np.array([f.quantity in FRAME_SD for f in self.factors], bool)
+    def undeclared(self) -> np.ndarray:
+        """Which factors (m,) are on what nobody declares: shapes of frames that bend, the time that holds the speed."""
+        return np.array([f.quantity in UNDECLARED for f in self.factors], bool)
 
     def load_changes(self, log_factors: np.ndarray, load_cases: Sequence[str]) -> np.ndarray:
         """Logarithms (n, axles) of axle loads over the declared ones in `load_cases`, for factors (m,)."""
@@ -151,6 +157,8 @@ def uncertain_masses(campaign: Campaign) -> UncertainMasses:
             words, name = f"hitch height of '{body.name}'", f"hitch_height[{body.name}]"
             factors.append(MassFactor(name, HITCH_HEIGHT, words, b, tolerances.hitch_height, tuple(used)))
     factors += [f for b in range(len(vehicle.bodies)) for f in frame_factors(vehicle, b, used)]
+    if vehicle.driven_at == "road":
+        factors.append(MassFactor("hold_time", HOLD, "time that holds the speed", 0, HOLD_SD, tuple(used)))
     factors += _axle_load_factors(vehicle, used)
     known = with_known_ends(vehicle, campaign.load_cases, used)
     return UncertainMasses(vehicle, known, tuple(f for f in factors if f.sd > 0.0))
@@ -196,6 +204,8 @@ def _apply(
 ) -> tuple[Vehicle, dict[str, LoadCase]]:
     """Vehicle and load cases with one factor; `declared_kg` (bodies,) the unsprung masses before any factor."""
     at = factor.place
+    if factor.quantity == HOLD:
+        return replace(vehicle, hold_factor=vehicle.hold_factor * value), cases
     if factor.quantity == UNSPRUNG and factor.axle is not None:
         axle = vehicle.axles[at]
         axle = replace(axle, unsprung_mass_kg=axle.unsprung_mass_kg * value)
