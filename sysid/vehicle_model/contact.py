@@ -227,8 +227,8 @@ class EffectiveRoad:
     """Quintic B-spline coefficients on uniform stations of the effective profiles and footprint maps.
 
     `rise` (R, na, n); `stretch` (4, R, na, n), `drag` (3, R, na, n), None for a point follower.  One map (4, 1, na, n),
-    (3, 1, na, n) serves all runs.  An `edged` road is looked up where the wheels are; elsewhere it is at the speed that
-    is held, and its Taylor series leads to the wheels, which are within 25 mm.
+    (3, 1, na, n) serves all runs.  An `edged` road, or one of a truck that falls behind, is looked up where the wheels
+    are; elsewhere it is at the speed that is held, and its Taylor series leads to the wheels, which are within 25 mm.
     """
 
     rise: np.ndarray

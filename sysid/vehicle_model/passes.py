@@ -185,7 +185,9 @@ class EffectiveRoads:
 
         stretch, drag = (np.moveaxis(stack(name), 2, 0) for name in ("stretch", "drag"))
         stretch = np.concatenate([stretch, stack("lift_m")[None]])
-        edged = any(key in self.tires.paths for key in met)
+        # A truck that nothing, or only its wheels, keep at its speed falls behind: too far for a series about there.
+        loose = self.vehicle.driven_at == "road" or any(p.speed_held in ("cruise", "free") for p in passes)
+        edged = loose or any(key in self.tires.paths for key in met)
         road = effective_road(np.arange(first, last + 1) * step, stack("rise_m"), stretch, drag, edged=edged)
         of_pass = [met.index(p.key) for p in passes]
         return road.of_runs(of_pass)

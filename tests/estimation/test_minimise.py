@@ -63,8 +63,34 @@ def test_a_second_search_counts_only_if_it_ends_as_low(monkeypatch, second: floa
     """The first did not converge; the second, with other units, ends at a minimum."""
     ends = [Minimum(np.zeros(2), 1.0, False, 5, "first"), Minimum(np.ones(2), second, True, 5, "second")]
     monkeypatch.setattr(minimiser, "_search", lambda *unused: ends.pop(0))
+    monkeypatch.setattr(minimiser, "_to_the_end", lambda evaluate, found, *rest: found)
     found = minimise(quadratic, np.array([3.0, -2.0]))
     assert (found.cost, found.converged) == (chosen, second <= 1.0)
+
+
+def test_a_search_that_ended_in_a_valley_goes_on_to_the_minimum():
+    """(y - 1)^2 + (3 y - 2)^2 + 1e4: 1e4 + 0.05 / 2 at y = 0.7, by hand."""
+
+    def valley(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.array([point[0] - 1.0, 3.0 * point[0] - 2.0, 100.0]), np.array([[1.0], [3.0], [0.0]])
+
+    early = Minimum(np.array([0.2]), 0.5 * (0.8**2 + 1.4**2 + 1e4), False, 7, "early")
+    found = minimiser._to_the_end(valley, early, np.ones(1), (1e-7, 1e-9))
+    assert found.converged
+    assert found.point == pytest.approx(0.7, abs=1e-6)
+    assert found.iterations > 7
+
+
+@pytest.mark.parametrize(("slope", "converged"), [(0.02, True), (0.2, False)])
+def test_a_fall_that_no_step_keeps_is_no_fall_unless_it_is_large(slope: float, converged: bool):
+    """y^2 + (1 + s |y|)^2 is least at 0, where a fall by s^2 of it is predicted: 4e-4 and 4e-2; 1e-4 is negligible."""
+
+    def corner(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        y = point[0]
+        return np.array([y, 1.0 + slope * abs(y)]), np.array([[1.0], [slope if y > 0.0 else -slope]])
+
+    found = minimiser._to_the_end(corner, Minimum(np.zeros(1), 0.5, False, 7, "early"), np.ones(1), (1e-5, 1e-9))
+    assert found.converged == converged
 
 
 def test_the_cost_is_that_of_the_point():

@@ -35,6 +35,9 @@ _NEGLIGIBLE_FALL, _TOLERANCES = 1e-5, 10.0
 _CORNER_SHARES = (1.0, 0.1, 0.01, 1e-3)
 #: Share of a negligible fall of the cost that shows that an unknown is at no corner.
 _STILL_FALLS = 0.1
+#: Shares of the Gauss-Newton step at the end of a search, of which one that lowers the cost is where it goes on, and
+#: how often; where none does, so many times a negligible fall may be predicted.
+_SHARES, _GOES_ON, _UNKEPT = (1.0, 0.3, 0.1, 0.03, 0.01), 4, 10.0
 #: Turns in which those at corners are held and then free, and iterations of each.
 _CORNER_TURNS, _CORNER_ITERATIONS = 4, 40
 #: Share of the tolerance down to which a search goes on while the linearised model predicts a further fall: in narrow
@@ -81,11 +84,14 @@ def promised_fall(residual: Residuals, jacobian: ResidualsByUnknowns) -> float:
     ----------
     residual : (m,) r; jacobian : (m, p) J.
     """
-    norms = np.linalg.norm(jacobian, axis=0)
-    scaled = jacobian / np.where(norms > 0.0, norms, 1.0)
-    step = np.linalg.lstsq(scaled, residual, rcond=None)[0]
-    shift = scaled @ step
+    shift = jacobian @ _gauss_newton(residual, jacobian)
     return 0.5 * float(shift @ shift)
+
+
+def _gauss_newton(residual: Residuals, jacobian: ResidualsByUnknowns) -> UnknownsOfFit:
+    norms = np.linalg.norm(jacobian, axis=0)
+    norms = np.where(norms > 0.0, norms, 1.0)
+    return np.asarray(-np.linalg.lstsq(jacobian / norms, residual, rcond=None)[0] / norms)
 
 
 def unknowns_at_corners(
@@ -216,9 +222,43 @@ def minimise(
             # Its damping is in other units.
             better = replace(again, damping=None)
         better = replace(better, iterations=done + again.iterations)
-    if better.converged or not len(corners):
+    if not better.converged and len(corners):
+        better = _through_corners(evaluate, better, corners, by_columns, tolerances)
+    if better.converged or better.iterations >= max_iterations:
         return better
-    return _through_corners(evaluate, better, corners, by_columns, tolerances)
+    return _to_the_end(evaluate, better, by_columns, tolerances)
+
+
+def _to_the_end(
+    evaluate: Evaluation,
+    found: Minimum,
+    scale: UnknownsOfFit,
+    tolerances: tuple[float, float],
+) -> Minimum:
+    """The end of a search whose predicted fall was not negligible: further along its step, or no such fall is there.
+
+    Trials that gain next to nothing end a search in a narrow valley.  A point at which no share of the Gauss-Newton
+    step lowers the cost is a minimum: the cost has a corner there.
+    """
+    for _ in range(_GOES_ON):
+        residual, jacobian = evaluate(found.point)
+        negligible = max(_NEGLIGIBLE_FALL, _TOLERANCES * tolerances[0]) * found.cost
+        step = _gauss_newton(residual, jacobian)
+        trials = [evaluate(found.point + share * step) for share in _SHARES]
+        costs = [0.5 * float(r @ r) if np.isfinite(r).all() and np.isfinite(j).all() else np.inf for r, j in trials]
+        best = int(np.argmin(costs))
+        if costs[best] > found.cost - _STILL_FALLS * negligible:
+            if promised_fall(residual, jacobian) <= _UNKEPT * negligible:
+                return replace(found, converged=True, message="no share of the predicted step lowers the cost")
+            break
+        start, before = found.point + _SHARES[best] * step, found.iterations
+        found = _search(
+            evaluate, start, trials[best], scale, tolerances, _CORNER_ITERATIONS, lambda iteration, cost: None
+        )
+        found = replace(found, iterations=before + found.iterations)
+        if found.converged:
+            break
+    return found
 
 
 def _through_corners(

@@ -89,8 +89,8 @@ def _check_finite(campaign: Campaign, model: BumpModel, signals: Sequence[np.nda
                 raise DataRejectedError(
                     f"{listed.log.file}: a vehicle as declared, driven over the scanned bump at "
                     f"{3.6 * listed.nominal_speed_m_s:.3g} km/h in load case '{listed.load_case}', moves beyond all "
-                    "bounds. Check height and unit of the scan, tire stiffnesses, masses, speed and load case of this "
-                    "run, and the priors."
+                    "bounds. Check height and unit of the scan, tire stiffnesses, masses, speed, speed_held and load "
+                    "case of this run, and the priors."
                 )
 
 

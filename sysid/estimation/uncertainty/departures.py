@@ -305,7 +305,8 @@ class _Padded(EffectiveRoads):
     """Maps of an inner source on stations wide enough for all sources."""
 
     def __init__(self, inner: EffectiveRoads, reach_m: tuple[float, float]):
-        self._inner, self._reach_m, self.tires = inner, reach_m, inner.tires
+        self._inner, self._reach_m = inner, reach_m
+        self.tires, self.vehicle = inner.tires, inner.vehicle
 
     def maps(self, load_case: str, bump: str, run: str = "") -> tuple[FootprintMap, ...]:
         maps = self._inner.maps(load_case, bump, run)
