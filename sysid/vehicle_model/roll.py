@@ -199,7 +199,9 @@ class TiresBySide:
         tangent = self.exponent * self.reference_load / self.reference_deflection
         for deflection in (self.deflection + apart, self.deflection - apart):
             pressed = np.maximum(deflection / self.reference_deflection[:, None], 0.0)
-            stiffness += 0.5 * np.where(pressed > 0.0, tangent[:, None] * pressed ** (self.exponent - 1.0), 0.0)
+            # Not of tires in the air: with an exponent below one that would be no number.
+            steeper = np.power(pressed, self.exponent - 1.0, out=np.zeros_like(pressed), where=pressed > 0.0)
+            stiffness += 0.5 * tangent[:, None] * steeper
             damping += 0.5 * self.damping[:, None] * np.sqrt(pressed)
         return stiffness, damping
 
