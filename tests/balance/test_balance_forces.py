@@ -31,10 +31,11 @@ def truck(law: str | None = None) -> tuple[Vehicle, LoadCase]:
     return Vehicle("truck", (Body("body"),), axles), case
 
 
-def motion(seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def motion(seed: int = 1, hold_s: float | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Deflections (3, n), accelerations of axles and of the frame above them, for random axle motion.
 
-    Newton's law of the body about its centre of gravity, solved at every frequency of a periodic record.
+    Newton's law of the body about its centre of gravity, solved at every frequency of a periodic record. With `hold_s`
+    wheels hold the speed: F = -(M / tau) (x' + r theta') acts on the road, M x'' = F, and F r turns the body.
     """
     rng = np.random.default_rng(seed)
     omega = 2 * np.pi * np.fft.rfftfreq(COUNT, STEP)
@@ -50,17 +51,27 @@ def motion(seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         dynamic = K + 1j * w * C
         rise = np.stack([np.ones(3), -arm])
         matrix = -(w**2) * np.diag([MASS, INERTIA]) + (rise * dynamic) @ rise.T
+        if hold_s is not None and w > 0.0:
+            h = 1j * w / hold_s
+            matrix[1, 1] -= LOADS.sum() * RADIUS**2 * w**2 * h / (h - w**2)
         body[:, f] = np.linalg.solve(matrix, rise @ (dynamic * axle[:, f]))
     frame = body[0] - np.outer(arm, body[1])
     back = [np.fft.irfft(s, COUNT, axis=1) for s in (frame - axle, -(omega**2) * axle, -(omega**2) * frame)]
     return back[0], back[1], back[2]
 
 
-def campaign(noise: float = 1.0, law: str | None = None, gain: float = 1.0, lost: str = "", seed: int = 1) -> Campaign:
+def campaign(
+    noise: float = 1.0,
+    law: str | None = None,
+    gain: float = 1.0,
+    lost: str = "",
+    seed: int = 1,
+    hold_s: float | None = None,
+) -> Campaign:
     vehicle, case = truck(law)
     rng = np.random.default_rng(seed + 100)
     channels = []
-    for kind, values, sd in zip(("q", "a", "b"), motion(seed), (3e-4 * noise, 0.2, 0.15), strict=True):
+    for kind, values, sd in zip(("q", "a", "b"), motion(seed, hold_s), (3e-4 * noise, 0.2, 0.15), strict=True):
         for i in range(3):
             sensor = {
                 "q": Sensor(f"q{i}", "suspension_deflection", "m", axle=i),
@@ -105,6 +116,14 @@ def test_stiffness_and_damping_come_back_with_their_intervals():
     assert all(e.determined and e.high < 1.12 * e.low for e in (*k, *c))
     # No law but linear ones is there.
     assert all(abs(law.value) < 4.0 * law.sd for law in found.laws if law.quantity == "friction_share")
+
+
+@pytest.mark.parametrize(("driven_at", "right"), [("road", True), (None, False)])
+def test_wheels_that_hold_the_speed_turn_the_body(driven_at, right):
+    given = campaign(hold_s=0.05)
+    found = balance_forces(replace(given, vehicle=replace(given.vehicle, driven_at=driven_at)))
+    k = [e.value for e in found.estimates if e.quantity == "stiffness"]
+    assert (k == pytest.approx(K, rel=0.01)) == right
 
 
 def test_noise_of_deflections_does_not_pull_stiffness_down():
