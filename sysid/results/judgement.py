@@ -182,13 +182,16 @@ def _balance_silent(results: Results) -> list[str]:
     if not clauses:
         return []
     return [
-        f"The balance of forces finds {listing(clauses, _NAMED)} than the calibration. It lacks laws that the "
-        "calibration has of these axles, so that it confirms none of these values."
+        f"The balance of forces finds {listing(clauses, _NAMED)} than the calibration. It lacks laws or parts "
+        "that the calibration has of these axles, so that it confirms none of these values."
     ]
 
 
 def _apart(results: Results, described: bool) -> list[str]:
-    """k and c that balance and fit find apart, of axles whose laws of the fit the balance knows, or of the others."""
+    """k and c that balance and fit find apart, of axles whose laws of the fit the balance knows, or of the others.
+
+    Parts that the fit has found (rockers, frames, the drive) are not in the balance, which then knows no axle's law.
+    """
     fit, balance = results.fit, results.balance
     if fit is None or balance is None or not balance.converged:
         return []
@@ -200,7 +203,9 @@ def _apart(results: Results, described: bool) -> list[str]:
 
     laws = {p.axle: law_elements(p.law) for p in fit.parameters if p.quantity == "damping"}
     chosen = {
-        e.name for e in balance.estimates if e.determined and (laws.get(e.axle, _BALANCED) <= _BALANCED) == described
+        e.name
+        for e in balance.estimates
+        if e.determined and (laws.get(e.axle, _BALANCED) <= _BALANCED and not fit.proposals) == described
     }
     compared = [d for d in disagreement(balance, fit) if d.name in chosen]
     edge = norm.isf(0.5 * CHANCE / max(len(compared), 1))

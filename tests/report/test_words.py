@@ -18,7 +18,7 @@ from sysid.campaign.findings import QualityReport
 from sysid.campaign.records import CampaignDetails
 from sysid.estimation.fit.thresholds import MISFIT
 from sysid.estimation.parameters.rockers import LoadShare
-from sysid.estimation.parameters.undeclared_parts import UndeclaredFrame
+from sysid.estimation.parameters.undeclared_parts import Drive, UndeclaredFrame
 from sysid.estimation.uncertainty.identifiability import UndeterminedGroup
 from sysid.estimation.uncertainty.part_agreement import PartDifference
 from sysid.numbers import decimals, fixed, interval, listing, number, percent
@@ -205,6 +205,7 @@ def test_least_squares_that_did_not_converge_are_not_sampled_longer():
         ({"fit": small_fit(converged=False)}, "stop", "did not converge"),
         ({"fit": replace(small_fit(), undeclared_rockers=(ROCKER,))}, "caution", "Axles 1 and 2 behave as if a rocker"),
         ({"fit": replace(small_fit(), undeclared_frames=(FRAME,))}, "caution", "bends at 8.00 Hz"),
+        ({"fit": replace(small_fit(), undeclared_drive=Drive("road", 0.05))}, "caution", "held by its wheels"),
         ({"fit": replace(small_fit(), misfit=MISFIT)}, "stop", "The residuals are 1.3 times the noise"),
         ({"validation": small_results().validation}, "good", "2 of 6 channel records"),
         ({"predictions": small_results().predictions}, "good", "tire deflection of axle 2 and lift-off of axle 2"),
@@ -388,5 +389,11 @@ def test_the_balance_speaks_against_laws_that_it_knows_and_confirms_no_others() 
         assert ("balance_disagrees" in judged.kinds) == against
         assert any("k of axle 1 15" in s and "One of both" in s for s in judged.reasons) == against
         assert any("k of axle 1 15" in s and "confirms none" in s for s in judged.notes) != against
+    # Nor does it know a drive that the fit has found.
+    friction = tuple(replace(p, law="friction") for p in fit.parameters)
+    found = replace(fit, parameters=friction, undeclared_drive=Drive("road", 0.05))
+    judged = judge(small_results(fit=found, balance=balance))
+    assert "balance_disagrees" not in judged.kinds
+    assert any("laws or parts" in note for note in judged.notes)
     same = judge(small_results(fit=fit, balance=small_balance()))
     assert not any("balance" in s for s in (*same.reasons, *same.notes))
