@@ -9,8 +9,6 @@ from sysid.vehicle_model.passes import HOLD_S
 
 #: Time constants [s] that are tried: from an engine that keeps its speed, in a low gear, to a driver's foot.
 TIMES_S = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
-#: The least share of the way to another drive that is worth a fit (an assumption).
-_LEAST = 0.3
 
 
 def drive_candidates(campaign: Campaign) -> tuple[PartCandidate, ...]:
@@ -25,4 +23,5 @@ def drive_candidates(campaign: Campaign) -> tuple[PartCandidate, ...]:
 
 def _candidate(drive: Drive) -> PartCandidate:
     parts = UndeclaredParts(drive=drive)
-    return PartCandidate("how the speed was held", parts, parts, 1.0, _LEAST, lambda trial: True)
+    # Parameters of another drive explain little of the way to this one: any share of it is worth a fit, which decides.
+    return PartCandidate("how the speed was held", parts, parts, 1.0, 0.0, lambda trial: True)
