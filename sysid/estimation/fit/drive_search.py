@@ -12,13 +12,14 @@ TIMES_S = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 
 
 def drive_candidates(campaign: Campaign) -> tuple[PartCandidate, ...]:
-    """Other drives of a campaign whose runs were neither towed nor free: their effect is that of the whole change."""
+    """Wheels that hold the speed, if runs were neither towed nor free; for a truck that is said to, the other way."""
     vehicle, held = campaign.vehicle, {run.speed_held for run in campaign.bump_runs}
     if len(held) != 1 or held & {"towed", "free"}:
         return ()
-    now = Drive(vehicle.driven_at or "centre", vehicle.hold_s or HOLD_S[held.pop()])
-    others = [Drive(at, time) for at in ("road", "centre") for time in TIMES_S]
-    return tuple(_candidate(other) for other in others if other != now)
+    others = [Drive("road", time) for time in TIMES_S if time != vehicle.hold_s]
+    if vehicle.driven_at == "road" and vehicle.hold_s is None:
+        others = [Drive("centre", HOLD_S[held.pop()])]
+    return tuple(map(_candidate, others))
 
 
 def _candidate(drive: Drive) -> PartCandidate:
