@@ -110,6 +110,10 @@ fleets: $(VENV)/.dev
 independent: $(VENV)/.dev
 	$(BIN)/python -m studies.independent --seed 21383265 --output build/independent --document docs/evidence/statistics.md
 
+# Some three hours on two quiet cores: trucks made from the literature through `run`; can be stopped and goes on.
+made-trucks: $(VENV)/.dev
+	$(BIN)/python -m studies.made_trucks --all --output build/made_trucks --document docs/evidence/made-trucks.md
+
 # Twenty to forty minutes on one core: pairs of campaigns of one truck, one damper of every second one changed.
 changes: $(VENV)/.dev
 	$(BIN)/python -m studies.changes --seed 880417 --output build/changes --document docs/howto/compare.md

@@ -28,6 +28,8 @@ _WRITERS = (
     "studies/factors/table.py",
     "studies/independent/__main__.py",
     "studies/independent/table.py",
+    "studies/made_trucks/__main__.py",
+    "studies/made_trucks/table.py",
     "studies/road_drives/pairs_table.py",
 )
 #: Begin of the names of modules of `tests/support` that studies simulate with.

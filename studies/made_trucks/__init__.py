@@ -1,0 +1,1 @@
+"""Campaigns of trucks made from the literature, without any equation, prior or constant of the program."""
