@@ -8,7 +8,7 @@ PIP := -m pip --quiet --disable-pip-version-check
 LOCKED := --require-hashes --only-binary :all: --requirement
 LOCK := uv pip compile --quiet --universal --no-build --python-version 3.11 --generate-hashes --no-header --no-annotate
 
-.PHONY: run quick test test-lowest test-long lock parts audit fuzz test-browser test-bridges docs wheel bench bench-jobs bench-long coverage first-look plank-drops faults constants check-faults check-numbers damages kills failing-calls mutations soak fleets independent changes lint format clean
+.PHONY: run quick test test-lowest test-long lock parts audit fuzz test-browser test-bridges docs wheel bench bench-jobs bench-long coverage first-look plank-drops faults constants check-faults check-numbers damages kills failing-calls mutations soak fleets independent made-trucks changes lint format clean
 
 run: $(VENV)/.installed
 	$(BIN)/python calibrate.py run data/campaign.toml --output $(OUTPUT)

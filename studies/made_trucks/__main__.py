@@ -1,6 +1,7 @@
 """Command line of the study of made trucks.
 
-    python -m studies.made_trucks --output DIR [--count N] [--first N] [--withheld | --all] [--keep DIR] [--document FILE]
+    python -m studies.made_trucks --output DIR [--count N] [--first N] [--withheld | --all]
+        [--keep DIR] [--document FILE]
 
 makes the campaigns that are missing in DIR, calibrates each by `calibrate.py run`, prints what held and, if asked,
 writes it into FILE.  A study that was stopped goes on where it was.

@@ -85,7 +85,7 @@ def ordinary(rng: np.random.Generator, lowboy: bool) -> Campaign:
         bump=draw_bump(rng),
         measuring=_measuring(rng),
         knowledge=_knowledge(rng),
-        # Smooth asphalt: ISO 8608 class A ends at 32e-6 m^3, new roads are below 4e-6 (Cebon); chosen test tracks lie lower.
+        # Smooth asphalt: ISO 8608 class A ends at 32e-6 m^3, new roads are below 4e-6 (Cebon); test tracks lie lower.
         roughness_m3=float(log_uniform(rng, 1e-7, 2e-6)),
         drops=bool(rng.random() < 0.5),
     )
@@ -319,6 +319,6 @@ def _running_gear(
         "jounce_m": rng.uniform(0.075, 0.11) * np.ones(axles),
         "rebound_m": rng.uniform(0.085, 0.12) * np.ones(axles),
         "stop_n_per_m": float(log_uniform(rng, 8e5, 4e6)),  # rubber stops: assumption
-        # Drivers and engine governors in low gears: assumption.
-        "speed_hold_s": float(rng.uniform(0.6, 1.4)),
+        # Speed held stiffly without any couple, as `servo` of the campaign file: the force of wheels is a kind.
+        "speed_hold_s": 0.05,
     }

@@ -361,7 +361,8 @@ def _declare(
     for name, kind, axle, y, number in _columns(campaign, list(range(t.axles))):
         full = (150.0, m.axle_range_g, 5.0)[number]
         lines.append(
-            f'{name} = {{ kind = "{kind}", axle = "{names[axle]}", unit = "{units[number]}", y_m = {y}, range = {full} }}'
+            f'{name} = {{ kind = "{kind}", axle = "{names[axle]}", unit = "{units[number]}", '
+            f"y_m = {y}, range = {full} }}"
         )
     if drops:
         lines += ["", "[sensors.plank_drop]"]
@@ -381,10 +382,11 @@ def _declare(
             for a, file, v in drops
         ]
         lines.append("]")
+    held = "servo" if t.speed_hold_s < 0.2 else "cruise"
     lines.append("bump_run = [")
     lines += [
         f'  {{ case = "{case} {speed:.0f} km/h", file = "{file}", load_case = "{case}", '
-        f'nominal_speed_km_h = {speed}, speed_held = "cruise" }},'
+        f'nominal_speed_km_h = {speed}, speed_held = "{held}" }},'
         for file, (case, speed) in runs.items()
     ]
     lines += ["]", "prediction = ["]

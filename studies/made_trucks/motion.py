@@ -37,7 +37,7 @@ class Lane:
 
 @dataclass(frozen=True)
 class History:
-    """Motion at the steps: coordinates and accelerations (time, lane, n), wheel loads on the road (time, lane, wheel)."""
+    """Motion at the steps: coordinates and accelerations (time, lane, n), wheel loads (time, lane, wheel)."""
 
     time_s: Array
     position: Array
@@ -131,7 +131,8 @@ class Rows:
             )
             @ basis
         )
-        self.drive = self._forward(0, 0.0) @ basis
+        at = self.cg_h[0] if truck.speed_hold_height_m is None else truck.speed_hold_height_m
+        self.drive = self._forward(0, at) @ basis
 
     def _halve(self, masses: list[float], pitch: list[float], roll: list[float]) -> tuple[int, float, float]:
         """Split the last body at its middle into two halves of the same mass, centre and inertia together."""

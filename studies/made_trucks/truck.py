@@ -80,7 +80,8 @@ class Truck:
     link_slope: Array = field(default_factory=lambda: np.array(0.0))  # aft travel of the wheel over jounce
     rocker_share: float = 0.0  # of the difference of the last two axles of a leaf tandem
     lash_m: float = 0.0  # free travel of dampers in their eyes
-    speed_hold_s: float = np.inf  # time constant of the driver
+    speed_hold_s: float = np.inf  # time constant of what holds the speed
+    speed_hold_height_m: float | None = None  # of its force: 0 by wheels on the road; None: at the centre of gravity
 
     @property
     def axles(self) -> int:
