@@ -131,8 +131,8 @@ class Rows:
             )
             @ basis
         )
-        at = self.cg_h[0] if truck.speed_hold_height_m is None else truck.speed_hold_height_m
-        self.drive = self._forward(0, at) @ basis
+        held_m = self.cg_h[0] if truck.speed_hold_height_m is None else truck.speed_hold_height_m
+        self.drive = self._forward(0, held_m) @ basis
 
     def _halve(self, masses: list[float], pitch: list[float], roll: list[float]) -> tuple[int, float, float]:
         """Split the last body at its middle into two halves of the same mass, centre and inertia together."""
