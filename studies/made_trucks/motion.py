@@ -3,7 +3,8 @@
 Coordinates of each body are fore-aft motion, heave, pitch (nose up) and roll (left up), of each axle heave and roll, of
 each mass on own springs heave.  All are small, so every point moves by a constant row times the coordinates: masses are
 M = sum m_i j_i j_i^T, forces Q = sum f_i j_i.  Hinges are constraints, taken out by a basis of their null space.  Laws
-act on the motion from rest: preloads and weight cancel.
+act on the motion from rest: preloads and weight cancel, but for the moments of those that act off the centre of gravity
+of a body that turns.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from scipy.linalg import null_space
 from studies.made_trucks.contact import Contact
 from studies.made_trucks.truck import GRAVITY, Array, Truck
 
+_SPRINGS_ABOVE_WHEEL_CENTRE_M = 0.15  # leaf packs on top of their axles, assumption
 _HINGE_DAMPING_RATIO = 0.025  # welded and bolted frames in bending: 2 to 3 %, assumption
 
 
@@ -101,6 +103,17 @@ class Rows:
             inertia += [(own.mass_kg[case], row), (own.mass_kg[case], self._forward(own.body, own.height_m))]
             stiffness = own.mass_kg[case] * omega**2
             linear.append((stiffness, 2.0 * own.damping_ratio * stiffness / omega, self._up(own.body, own.x_m) - row))
+        # Static forces turn with the body that they act on, away from the height of its centre of gravity: weight tips
+        # it over.  Axles pitch with their body; it rolls over them about the height of its springs.
+        for turn, height_m in ((2, truck.radius_m), (3, truck.radius_m + _SPRINGS_ABOVE_WHEEL_CENTRE_M)):
+            for b in range(bodies):
+                forces = [(truck.spring_load_n(case)[a], height_m) for a, on in enumerate(self.of_axle) if on == b]
+                forces += [(-GRAVITY * o.mass_kg[case], o.height_m) for o in truck.own_springs if o.body == b]
+                if len(of.body_mass_kg) > 1 and b < 2:
+                    hitch_n = GRAVITY * truck.hitch_load_kg(case)
+                    forces.append((hitch_n if b else -hitch_n, truck.hitch_height_m))
+                tipping = sum(f * (h - self.cg_h[b]) for f, h in forces)
+                linear.append((tipping, 0.0, self._unit(4 * b + turn)))
         full = sum(m * np.outer(j, j) for m, j in inertia)
         self.mass = basis.T @ full @ basis
         self.basis = basis

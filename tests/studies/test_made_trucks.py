@@ -72,6 +72,8 @@ def pitch_plane(truck: Truck, case: int) -> tuple[Array, Array, Array]:
         matrix[2, 3:] = matrix[3:, 2] = -suspension * ahead
         matrix[3:, 3:] = np.diag(suspension + tire)
         matrices.append(matrix)
+    # Weight tips the body over: carried at the height of the wheel centres, it stands `low` above them.
+    matrices[1][2, 2] -= GRAVITY * np.sum(carried) * low
     return mass, matrices[0], matrices[1]
 
 
@@ -125,6 +127,10 @@ def test_energy_stays_without_dampers_and_falls_with_them(damping: float, kept: 
     k, kt = np.repeat(truck.load_cases[0].stiffness_n_per_m / 2, 2), np.repeat(truck.tire_stiffness_n_per_m / 2, 2)
     energy = 0.5 * np.einsum("ti,ij,tj->t", v, rows.mass, v)
     energy += 0.5 * (p @ rows.springs.T) ** 2 @ k + 0.5 * (p @ rows.wheels.T) ** 2 @ kt
+    # The body stands above the wheel centres in pitch, above its springs in roll.
+    above = truck.load_cases[0].cg_height_m[0] - truck.radius_m - np.array([0.0, 0.15])
+    turns = (p @ basis.T)[:, [2, 3]]
+    energy -= 0.5 * GRAVITY * truck.load_cases[0].body_mass_kg[0] * turns**2 @ above
     change = np.abs(energy[5:-5] / energy[5] - 1.0).max()
     assert (change < 5e-3) == kept
 
