@@ -110,7 +110,7 @@ fleets: $(VENV)/.dev
 independent: $(VENV)/.dev
 	$(BIN)/python -m studies.independent --seed 21383265 --output build/independent --document docs/evidence/statistics.md
 
-# Some three hours on two quiet cores: trucks made from the literature through `run`; can be stopped and goes on.
+# Some six hours on two quiet cores: trucks made from the literature through `run`; can be stopped and goes on.
 made-trucks: $(VENV)/.dev
 	$(BIN)/python -m studies.made_trucks --all --output build/made_trucks --document docs/evidence/made-trucks.md
 
