@@ -105,7 +105,7 @@ class Rows:
             linear.append((stiffness, 2.0 * own.damping_ratio * stiffness / omega, self._up(own.body, own.x_m) - row))
         # Static forces turn with the body that they act on, away from the height of its centre of gravity: weight tips
         # it over.  Axles pitch with their body; it rolls over them about the height of its springs.
-        for turn, height_m in ((2, truck.radius_m), (3, truck.radius_m + _SPRINGS_ABOVE_WHEEL_CENTRE_M)):
+        for angle, height_m in ((2, truck.radius_m), (3, truck.radius_m + _SPRINGS_ABOVE_WHEEL_CENTRE_M)):
             for b in range(bodies):
                 forces = [(truck.spring_load_n(case)[a], height_m) for a, on in enumerate(self.of_axle) if on == b]
                 forces += [(-GRAVITY * o.mass_kg[case], o.height_m) for o in truck.own_springs if o.body == b]
@@ -113,7 +113,7 @@ class Rows:
                     hitch_n = GRAVITY * truck.hitch_load_kg(case)
                     forces.append((hitch_n if b else -hitch_n, truck.hitch_height_m))
                 tipping = sum(f * (h - self.cg_h[b]) for f, h in forces)
-                linear.append((tipping, 0.0, self._unit(4 * b + turn)))
+                linear.append((tipping, 0.0, self._unit(4 * b + angle)))
         full = sum(m * np.outer(j, j) for m, j in inertia)
         self.mass = basis.T @ full @ basis
         self.basis = basis
