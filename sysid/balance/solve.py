@@ -15,13 +15,12 @@ from sysid.balance.motion import Gains, Stretch, smoothed, stretches_of, vertica
 from sysid.balance.records import BalancedRecord, BalanceEstimate, ForceBalance, LawEstimate
 from sysid.balance.search import Found, search
 from sysid.balance.tires import tires_of
-from sysid.campaign.records import Campaign, Log
+from sysid.campaign.records import HOLD_S, Campaign, Log
 from sysid.campaign.vehicle_records import Vehicle
 from sysid.display import Z90
 from sysid.estimation.uncertainty.uncertain_masses import INERTIA, SCALE, UncertainMasses, uncertain_masses
 from sysid.threads import one_blas_thread
 from sysid.vehicle_model.assembly import PlanarMatrices, assemble
-from sysid.vehicle_model.passes import HOLD_S
 
 #: Part of a tolerance by which matrices are changed for their derivatives.
 _PART = 0.5

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -21,6 +21,7 @@ from sysid.campaign.loggers import ClockFinding
 from sysid.campaign.passage.logged_speed import speed_at_bump
 from sysid.campaign.priors import NamedPrior
 from sysid.campaign.records import (
+    HOLD_S,
     Acquisition,
     AntiAliasFilter,
     BumpRun,
@@ -37,6 +38,7 @@ from sysid.campaign.records import (
 from sysid.campaign.requests import check_passes
 from sysid.campaign.roads import RoadCourse, with_obstacle
 from sysid.campaign.units import speed_m_s
+from sysid.campaign.vehicle_records import Vehicle
 from sysid.campaign.wheel_places import tires_across
 from sysid.errors import CampaignError
 from sysid.logs.input_file import InputFile
@@ -104,7 +106,7 @@ def read_campaign(
         notes=tables.campaign.notes,
         folder=file.parent,
         file=file,
-        vehicle=vehicle.vehicle,
+        vehicle=_held_as(vehicle.vehicle, runs),
         load_cases=vehicle.load_cases,
         acquisition=Acquisition(
             acquisition.sample_interval_s,
@@ -143,6 +145,12 @@ def _of_logs(tables: s.CampaignFile, only: Collection[str]) -> s.CampaignFile:
         "road_drive": [entry for entry in tests.road_drive if there(entry.file)],
     }
     return tables.model_copy(update={"tests": tests.model_copy(update=kept)})
+
+
+def _held_as(vehicle: Vehicle, runs: Sequence[BumpRun]) -> Vehicle:
+    """A vehicle that is driven by its wheels, with the time constant of its runs where these were held alike."""
+    times = {HOLD_S[run.speed_held] for run in runs if run.speed_held not in ("towed", "free")}
+    return replace(vehicle, hold_s=times.pop()) if vehicle.driven_at == "road" and len(times) == 1 else vehicle
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 #: What holds the speed: a driver or servo at once, a tow at constant speed, a cruise control slowly, or nothing.
 SpeedHeld = Literal["servo", "towed", "cruise", "free"]
+#: Time constants [s] with which it holds the speed.
+HOLD_S: dict[SpeedHeld, float] = {"servo": 0.05, "towed": 0.05, "cruise": 1.0, "free": float("inf")}
 
 
 @dataclass(frozen=True)

@@ -166,8 +166,8 @@ class Vehicle:
 
     `groups` are axles on common beams, `equalisers` rockers between springs.  `tolerances` say how far its mass
     properties, and those of the load cases, may be from the declared ones.  `driven_at` is None where it is not
-    declared, which stands for the centre; `hold_s` is a time constant [s] in place of those of the runs, None for
-    these, and `hold_factor` a factor on either.
+    declared, which stands for the centre; `hold_s` is the time constant [s] of a drive in place of those of the runs,
+    None for these, and `hold_factor` a factor on it.
     """
 
     name: str

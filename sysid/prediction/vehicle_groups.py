@@ -135,12 +135,12 @@ def vehicle_groups(
     sets: DrawsByParameters,
     vehicles: VehicleDraws | None,
     stops: AssumedStops | None,
-    held_s: float | None = None,
+    held_s: float | None = SPEED_HOLD_S,
 ) -> tuple[PassBatch, list[VehicleGroup]]:
     """The pass of the vehicle with declared masses, and the vehicles of all draws, some at a time.
 
-    Without `vehicles` all of them are the declared one with the assumed `stops`.  `road` is the same for all, and
-    `held_s` [s] holds the speed.
+    Without `vehicles` all of them are the declared one with the assumed `stops`.  `road` is the same for all, and the
+    speed is held with the time constant `held_s` [s], None for that of the vehicle.
     """
     campaign, parameters = state.campaign, state.parameters
     vehicle, cases = campaign.vehicle, campaign.load_cases

@@ -190,7 +190,8 @@ def _balance_silent(results: Results) -> list[str]:
 def _apart(results: Results, described: bool) -> list[str]:
     """k and c that balance and fit find apart, of axles whose laws of the fit the balance knows, or of the others.
 
-    Parts that the fit has found (rockers, frames, the drive) are not in the balance, which then knows no axle's law.
+    Parts that the fit has found (rockers, frames, the drive) are not in the balance, nor is the time in which wheels
+    hold the speed: then it knows no axle's law.
     """
     fit, balance = results.fit, results.balance
     if fit is None or balance is None or not balance.converged:
@@ -202,10 +203,11 @@ def _apart(results: Results, described: bool) -> list[str]:
     from sysid.estimation.uncertainty.part_agreement import ACCEPTED, CHANCE
 
     laws = {p.axle: law_elements(p.law) for p in fit.parameters if p.quantity == "damping"}
+    whole = not fit.proposals and results.campaign.vehicle.driven_at != "road"
     chosen = {
         e.name
         for e in balance.estimates
-        if e.determined and (laws.get(e.axle, _BALANCED) <= _BALANCED and not fit.proposals) == described
+        if e.determined and (laws.get(e.axle, _BALANCED) <= _BALANCED and whole) == described
     }
     compared = [d for d in disagreement(balance, fit) if d.name in chosen]
     edge = norm.isf(0.5 * CHANCE / max(len(compared), 1))

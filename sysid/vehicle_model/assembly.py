@@ -52,7 +52,7 @@ class PlanarMatrices:
     - `drive` (chains, nb): forward motion of the point of its first body where each chain is driven: the centre of
       gravity, or the road;
     - `chain_mass` (chains,): mass that is driven [kg];
-    - `hold_s`: time constant that holds the speed [s], None for those of the runs, and `hold_factor` on either;
+    - `hold_s`: time constant of the drive [s], None for those of the runs, and `hold_factor` on it;
     - `static_load` (na,): vertical road force at rest [N];
     - `carried_load` (na,): static force on its suspension [N];
     - `heave_rows`, `travel_rows`, `pitch_rows` (bodies, nb): motion of each centre of gravity;

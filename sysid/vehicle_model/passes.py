@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from sysid.campaign.records import SpeedHeld
+from sysid.campaign.records import HOLD_S, SpeedHeld
 from sysid.campaign.vehicle_records import LoadCase, Vehicle
 from sysid.road.contact_laws import CONTACT_LAWS, ContactLaw
 from sysid.road.enveloping import (
@@ -26,15 +26,12 @@ from sysid.road.wheel_paths import WheelPaths
 from sysid.threads import side_by_side
 from sysid.vehicle_model.assembly import PlanarMatrices, assemble
 from sysid.vehicle_model.contact import EffectiveRoad, effective_road
-from sysid.vehicle_model.stacked_matrices import SPEED_HOLD_S, StackedMatrices, stack_matrices
+from sysid.vehicle_model.stacked_matrices import StackedMatrices, stack_matrices
 
 #: Load by which a footprint map departs from the radial springs over a bump, in shares of the load at rest, from which
 #: on it is followed about paths: smooth bumps have 0.01 to 0.07, planks up to 0.25, where one map for all that a wheel
 #: may do is 12 to 32 % of the change of load off.
 EDGES = 0.1
-#: Time constants [s] with which a driver, a servo or a winch at constant speed, a cruise control, or nothing at all
-#: holds the speed over the bump.
-HOLD_S: dict[SpeedHeld, float] = {"servo": SPEED_HOLD_S, "towed": SPEED_HOLD_S, "cruise": 1.0, "free": float("inf")}
 
 
 @dataclass(frozen=True)
@@ -201,6 +198,15 @@ def load_case_matrices(
     return {name: assemble(vehicle, load_cases[name], first) for name in {p.load_case for p in passes}}
 
 
+def _hold_s(one: Pass, matrices: PlanarMatrices) -> float:
+    """Time constant [s] that holds the speed; what tows a truck, or nothing, is not its own drive."""
+    if one.hold_s is not None:
+        return one.hold_s
+    if matrices.hold_s is None or one.speed_held in ("towed", "free"):
+        return HOLD_S[one.speed_held]
+    return matrices.hold_factor * matrices.hold_s
+
+
 def pass_matrices(
     matrices: Mapping[str, PlanarMatrices],
     passes: Sequence[Pass],
@@ -212,9 +218,7 @@ def pass_matrices(
     Accelerometers are at `body_points` (body, x_m), sensors of pitch rate at `rate_points`.
     """
     of_passes = [matrices[p.load_case] for p in passes]
-    hold_s = [
-        p.hold_s or m.hold_factor * (m.hold_s or HOLD_S[p.speed_held]) for p, m in zip(passes, of_passes, strict=True)
-    ]
+    hold_s = [_hold_s(p, m) for p, m in zip(passes, of_passes, strict=True)]
     return stack_matrices(of_passes, body_points, hold_s, rate_points)
 
 

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sysid.campaign.records import HOLD_S
 from sysid.vehicle_model.assembly import PlanarMatrices
 
 #: The driving force holds the nominal speed like F = (chain mass / T) (v_ref - v); T unless a run says otherwise.
-SPEED_HOLD_S = 0.05
+SPEED_HOLD_S = HOLD_S["servo"]
 
 
 class StackedBeams(NamedTuple):

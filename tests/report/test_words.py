@@ -389,11 +389,14 @@ def test_the_balance_speaks_against_laws_that_it_knows_and_confirms_no_others() 
         assert ("balance_disagrees" in judged.kinds) == against
         assert any("k of axle 1 15" in s and "One of both" in s for s in judged.reasons) == against
         assert any("k of axle 1 15" in s and "confirms none" in s for s in judged.notes) != against
-    # Nor does it know a drive that the fit has found.
+    # Nor does it know a drive that the fit has found, or the time of one that is declared.
     friction = tuple(replace(p, law="friction") for p in fit.parameters)
-    found = replace(fit, parameters=friction, undeclared_drive=Drive("road", 0.05))
-    judged = judge(small_results(fit=found, balance=balance))
-    assert "balance_disagrees" not in judged.kinds
-    assert any("laws or parts" in note for note in judged.notes)
+    found = small_results(fit=replace(fit, parameters=friction, undeclared_drive=Drive("road", 0.05)), balance=balance)
+    campaign = found.campaign
+    declared = replace(campaign, vehicle=replace(campaign.vehicle, driven_at="road"))
+    without = replace(found, fit=replace(fit, parameters=friction), campaign=declared)
+    for judged in map(judge, (found, without)):
+        assert "balance_disagrees" not in judged.kinds
+        assert any("laws or parts" in note for note in judged.notes)
     same = judge(small_results(fit=fit, balance=small_balance()))
     assert not any("balance" in s for s in (*same.reasons, *same.notes))

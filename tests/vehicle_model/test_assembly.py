@@ -8,13 +8,15 @@ from functools import partial
 import numpy as np
 import plain_axles
 import pytest
-from rigid_truck import AXLES, EMPTY, VEHICLE
+from rigid_truck import AXLES, EMPTY, VEHICLE, empty_run
 from scipy.linalg import null_space
 
+from sysid.campaign.read import _held_as
 from sysid.campaign.statics import chains, static_equilibrium
 from sysid.campaign.vehicle_records import Body, LoadCase, Vehicle
 from sysid.errors import CampaignError
 from sysid.vehicle_model.assembly import assemble, coordinate_names
+from sysid.vehicle_model.passes import Pass, load_case_matrices, pass_matrices
 
 axle = partial(plain_axles.axle, mass=700.0)
 
@@ -122,3 +124,38 @@ def test_what_holds_the_speed_takes_the_power_of_the_point_where_it_acts(vehicle
             cg_h = load_case.cg_height_m[first]
             below = cg_h - (cg_h if height_m is None else height_m)
             assert row @ q == pytest.approx(xi[first] + theta[first] * below, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("held", "driven_at", "hold_s"),
+    [
+        (("cruise", "cruise"), "road", 1.0),
+        (("servo", "towed"), "road", 0.05),
+        (("cruise", "servo"), "road", None),
+        (("cruise", "cruise"), None, None),
+    ],
+)
+def test_a_drive_has_the_time_of_runs_that_were_held_alike(held, driven_at, hold_s):
+    runs = [replace(empty_run(f"{k}.csv", 6.0), speed_held=how) for k, how in enumerate(held)]
+    assert _held_as(replace(VEHICLE, driven_at=driven_at), runs).hold_s == hold_s
+
+
+@pytest.mark.parametrize(
+    ("one", "time_s"),
+    [
+        (Pass("empty", "bump", "cruise"), 0.6),
+        (Pass("empty", "bump"), 0.6),
+        # What tows a truck is not its drive, and a slow pass has a time of its own.
+        (Pass("empty", "bump", "towed"), 0.05),
+        (Pass("empty", "bump", hold_s=0.01), 0.01),
+    ],
+)
+def test_the_time_of_a_drive_holds_its_passes_of_every_speed(one, time_s):
+    """0.4 s times 1.5: with F = (M / tau) v the acceleration by the hold is 0.05 / tau of that of the servo."""
+    drive = replace(VEHICLE, driven_at="road", hold_s=0.4, hold_factor=1.5)
+    cases = {"empty": EMPTY}
+    held = pass_matrices(load_case_matrices(drive, cases, [one]), [one], []).rate
+    servo = Pass("empty", "bump", hold_s=0.05)
+    by_servo = pass_matrices(load_case_matrices(drive, cases, [servo]), [servo], []).rate
+    bodies = len(coordinate_names(VEHICLE)) - len(AXLES)
+    np.testing.assert_allclose(held[:, -bodies:], 0.05 / time_s * by_servo[:, -bodies:], rtol=1e-12)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from sysid.campaign.records import Campaign
+from sysid.campaign.records import HOLD_S, Campaign
 from sysid.estimation.fit.part_score import PartCandidate
 from sysid.estimation.parameters.undeclared_parts import Drive, UndeclaredParts
-from sysid.vehicle_model.passes import HOLD_S
 
 #: Time constants [s] that are tried: from an engine that keeps its speed, in a low gear, to a driver's foot.
 TIMES_S = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
@@ -16,10 +15,10 @@ def drive_candidates(campaign: Campaign) -> tuple[PartCandidate, ...]:
     vehicle, held = campaign.vehicle, {run.speed_held for run in campaign.bump_runs}
     if len(held) != 1 or held & {"towed", "free"}:
         return ()
-    others = [Drive("road", time) for time in TIMES_S if time != vehicle.hold_s]
-    if vehicle.driven_at == "road" and vehicle.hold_s is None:
-        others = [Drive("centre", HOLD_S[held.pop()])]
-    return tuple(map(_candidate, others))
+    if vehicle.driven_at == "road":
+        # Its time is an unknown of the fit.
+        return (_candidate(Drive("centre", HOLD_S[held.pop()])),)
+    return tuple(_candidate(Drive("road", time)) for time in TIMES_S)
 
 
 def _candidate(drive: Drive) -> PartCandidate:

@@ -157,7 +157,7 @@ def uncertain_masses(campaign: Campaign) -> UncertainMasses:
             words, name = f"hitch height of '{body.name}'", f"hitch_height[{body.name}]"
             factors.append(MassFactor(name, HITCH_HEIGHT, words, b, tolerances.hitch_height, tuple(used)))
     factors += [f for b in range(len(vehicle.bodies)) for f in frame_factors(vehicle, b, used)]
-    if vehicle.driven_at == "road":
+    if vehicle.driven_at == "road" and vehicle.hold_s is not None:
         factors.append(MassFactor("hold_time", HOLD, "time that holds the speed", 0, HOLD_SD, tuple(used)))
     factors += _axle_load_factors(vehicle, used)
     known = with_known_ends(vehicle, campaign.load_cases, used)
