@@ -61,6 +61,18 @@ def test_readings_are_cleared_of_roll_and_means_stay() -> None:
     assert side_unknowns(plain_data, plain.felt) == ()
 
 
+def test_fewer_samples_of_fast_logs_show_the_same_roll() -> None:
+    """The sampler keeps every second reading of fast logs, and their records keep all."""
+    data, model, x = made(RIGHT)
+    unknowns = side_unknowns(data, model.felt)[:2]
+    (shape,) = model.shapes
+    slow = shape._replace(samples=-(-shape.samples // 2), interval_s=2.0 * shape.interval_s, substeps=2 * shape.substeps)
+    all_of, fewer = (side_signals(m, 0, x, MOTION, unknowns) for m in (model, replace(model, shapes=(slow,))))
+    for every, kept in ((all_of.shown, fewer.shown), (all_of.columns, fewer.columns)):
+        assert kept.shape[0] == slow.samples
+        assert np.abs(kept - every[::2]).max() < 0.01 * np.abs(every).max()
+
+
 @pytest.mark.parametrize(
     ("given", "metres"), [({"side": "left"}, 0.45), ({"side": "right", "y_m": -0.6}, -0.6), ({}, 0.0)]
 )

@@ -86,8 +86,9 @@ def side_signals(
     levers = levers_m(model.layout, model.felt.vehicle)
     channels = np.flatnonzero(levers)
     columns_of = np.array([model.layout.sensors[c].column for c in channels])
-    shown = np.zeros(group.value.shape)
-    columns = np.zeros((group.samples, len(group.runs), channels.size, len(unknowns)))
+    # The samples of the model: fewer than those of the records where only some of them are used.
+    shown = np.zeros((shape.samples, *group.value.shape[1:]))
+    columns = np.zeros((shape.samples, len(group.runs), channels.size, len(unknowns)))
     cases = [p.load_case for p in model.passes[position]]
     for case in dict.fromkeys(cases):
         rows = np.array([r for r, of_run in enumerate(cases) if of_run == case])
@@ -102,7 +103,6 @@ def side_signals(
                 if u.kind == LEVER:
                     made[..., j] = parts * (columns_of == u.of)
             columns[:, rows, :, first : first + len(some)] = made
-    assert shape.samples == group.samples
     return SideSignals(shown, channels, columns)
 
 
