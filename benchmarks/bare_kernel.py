@@ -106,7 +106,7 @@ def write_call(file: Path, work: Work, density: LogDensity, sets: np.ndarray, gr
 
         integers = ("samples", "substeps", "elements", "ramps", "stops", "rate_ramps")
         put([*(settings[name] for name in integers), len(every)], "i8")
-        put([settings["interval"], settings["growth"]], "f8")
+        put([settings["interval"]], "f8")
         put(settings["deflection_axles"], "i8")
         put(settings["acceleration_axles"], "i8")
         for buffer in every:

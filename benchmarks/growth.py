@@ -140,7 +140,7 @@ def _more_axles(inputs: GroupInputs, shape: GroupShape, count: int) -> tuple[Gro
         **{name: getattr(laws, name)[index] for name in ("damping", "tire_stiffness", "tire_damping")},
         **{
             name: getattr(laws, name)[:, index]
-            for name in ("stiffness", "static_load", "reference_load", "carried_load", "tire_factor")
+            for name in ("stiffness", "static_load", "reference_load", "carried_load", "tire_factor", "tire_growth")
         },
     )
     stretched = EffectiveRoad(

@@ -51,7 +51,7 @@ Call load(const char* path) {
   sysid::Settings& s = call.settings;
   s.samples = integers[0], s.substeps = integers[1], s.elements = integers[2];
   s.ramps = integers[3], s.stops = integers[4], s.rate_ramps = integers[5];
-  s.interval = reals[0], s.growth = reals[1];
+  s.interval = reals[0];
   for (int64_t k = 0; k < integers[6]; ++k) {
     call.shapes.push_back(read<int64_t>(in));
     call.values.push_back(read<double>(in));

@@ -24,7 +24,7 @@ _SAID = 0.1
 #: What is bound to the load on the truck, and so to its weighing.
 _OF_LOAD = ("axle_load_factor", "pitch_inertia_factor", "cg_height_factor")
 _SCALE = "axle_load_scale_factor"
-_TIRES = ("envelope", "footprint", "spokes", "tire_load")
+_TIRES = ("envelope", "footprint", "spokes", "tire_load", "tire_damping")
 _WORDS = {
     "unsprung_mass_factor": "unsprung masses",
     "hitch_height_factor": "hitch heights",

@@ -129,4 +129,5 @@ def tire_tangents(tire: TireLaw) -> tuple[np.ndarray, np.ndarray]:
     secant = np.asarray(tire.reference_load / tire.reference_deflection)[0, :, 0]
     exponent = np.broadcast_to(np.asarray(tire.exponent), shape)[0, :, 0]
     damping = np.broadcast_to(np.asarray(tire.damping), shape)[0, :, 0]
-    return tangents(exponent * secant, damping, exponent, x, tire.growth)
+    growth = np.broadcast_to(np.asarray(tire.growth), shape)[0, :, 0]
+    return tangents(exponent * secant, damping, exponent, x, growth)

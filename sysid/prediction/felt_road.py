@@ -37,14 +37,15 @@ _LOOKED_AT, _JUDGED = 200, 3000
 class EdgeLoads:
     """Loads (T, na) [N] every `interval_s` [s] of one vehicle along the `paths` of its wheels.
 
-    `damping_N_s_per_m` (na,) of its tires at the reference load, and how it grows with their contact (1 or 0).
+    `damping_N_s_per_m` (na,) of its tires at the reference load, and how it grows with their contact (1 or 0), `growth`
+    (na,).
     """
 
     paths: WheelPaths
     tire_N: np.ndarray
     interval_s: float
     damping_N_s_per_m: np.ndarray
-    growth: float = 1.0
+    growth: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -242,7 +243,7 @@ def misfit_on_springs(
         ).reshape(both.shape)
         deflection = np.interp(exact, table.flat_force, table.deflection_m)
         sinking = np.diff(deflection, axis=0)[0] / loads.interval_s
-        damping = contact_damping(loads.damping_N_s_per_m[i], deflection.mean(axis=0) / at_reference, loads.growth)
+        damping = contact_damping(loads.damping_N_s_per_m[i], deflection.mean(axis=0) / at_reference, loads.growth[i])
         exact = np.maximum(spoke * exact.mean(axis=0) + damping * sinking, 0.0)
         found = loads.tire_N[both, i].mean(axis=0)
         # Of a road that hardly moves the load no share is judged.

@@ -280,7 +280,8 @@ def _off_springs(
     """How far the loads of the optimum over a harsh road are from its tires' springs and dampers."""
     paths, tire = _along(state, request, optimum, road, samples, clock)
     law = optimum.made[2]
-    loads = EdgeLoads(paths, tire[..., 0], clock.interval_s, np.asarray(law.damping)[0, :, 0], law.growth)
+    damping, growth = (np.broadcast_to(np.asarray(v), law.damping.shape)[0, :, 0] for v in (law.damping, law.growth))
+    loads = EdgeLoads(paths, tire[..., 0], clock.interval_s, damping, growth)
     return misfit_by_vehicle(state, request.load_case, station_m, height_m, loads)
 
 

@@ -48,8 +48,8 @@ class TireLaw(NamedTuple):
     """Coefficients of the contact force per axle, pass and set, arrays (R, na, S).
 
     `static_deflection` u_0 [m]; `reference_deflection` u_ref [m]; `reference_load` F_ref [N]; `exponent` n (S,) or
-    broadcastable [-]; `damping` c [N s/m] at the reference deflection.  `growth` is 1 where damping grows with the
-    contact length, 0 where it is constant.
+    broadcastable [-]; `damping` c [N s/m] at the reference deflection.  `growth` (R, na, 1) or broadcastable is 1 where
+    damping grows with the contact length, 0 where it is constant.
     """
 
     static_deflection: RunsByAxlesBySets
@@ -57,7 +57,7 @@ class TireLaw(NamedTuple):
     reference_load: HostOrDevice
     exponent: jax.Array
     damping: RunsByAxlesBySets
-    growth: float = 1.0
+    growth: HostOrDevice | float = 1.0
 
 
 class RoadInput(NamedTuple):
@@ -130,7 +130,7 @@ def tangents(
     damping: np.ndarray,
     exponent: np.ndarray | float,
     deflection: np.ndarray,
-    growth: float = 1.0,
+    growth: np.ndarray | float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Tangent stiffness [N/m] and damping [N s/m] of tires (axles,) away from the reference load, at rest.
 
@@ -142,12 +142,12 @@ def tangents(
     stiffness, damping : (axles,) k_t [N/m] and c [N s/m] at the reference load.
     exponent : n.
     deflection : (axles,) x, static deflection over that at the reference load.
-    growth : g, 1 where damping grows with the length of contact, 0 where it does not.
+    growth : g (axles,) or one for all, 1 where damping grows with the length of contact, 0 where it does not.
     """
     return np.asarray(stiffness * deflection ** (exponent - 1.0)), contact_damping(damping, deflection, growth)
 
 
-def contact_damping(damping: np.ndarray | float, deflection: np.ndarray, growth: float = 1.0) -> np.ndarray:
+def contact_damping(damping: np.ndarray | float, deflection: np.ndarray, growth: np.ndarray | float = 1.0) -> np.ndarray:
     """Damping of tires away from the reference load, as for :func:`tangents`."""
     length = deflection * np.sqrt((1.0 + SOFT_DAMPING) / (deflection + SOFT_DAMPING))
     return np.asarray(damping * (1.0 + growth * (length - 1.0)))

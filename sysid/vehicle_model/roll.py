@@ -150,12 +150,13 @@ class TiresBySide:
 
     With y the half track, d the difference of the road under both sides and e the deflection of the mean, the sides are
     deflected by e + a and e - a, a = d / 2 - y phi. Each has half of the axle's force F(e) = F_ref (e / u_ref)^n, and
-    half of its damping, which grows with the square root of the deflection; none pulls.
+    half of its damping c (1 + g (sqrt(e / u_ref) - 1)); none pulls.
 
     - `half_track_m` (na,): y; `exponent`: n;
     - `deflection`, `rate` (T, na, R): e [m], below 0 where the axle is off the road, and its rate [m/s];
     - `difference`, `difference_rate` (T, na, R): d [m] and its rate [m/s];
-    - `reference_load`, `reference_deflection`, `damping` (na,): F_ref [N], u_ref [m], and damping at u_ref [N s/m].
+    - `reference_load`, `reference_deflection`, `damping`, `growth` (na,): F_ref [N], u_ref [m], damping at u_ref
+      [N s/m], and g, 1 where it grows with the length of contact.
     """
 
     half_track_m: np.ndarray
@@ -167,6 +168,7 @@ class TiresBySide:
     reference_load: np.ndarray
     reference_deflection: np.ndarray
     damping: np.ndarray
+    growth: np.ndarray
 
     def forces(self, at: int | slice, angle: np.ndarray, turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces [N] of left and right tires at one sample or several, for roll of the axles (..., na, R, Q)."""
@@ -186,11 +188,15 @@ class TiresBySide:
         return np.asarray(half * (left - right) - twins * contact * resisting)
 
     def _force(self, deflection: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        load, reference, damping = (
-            x[:, None, None] for x in (self.reference_load, self.reference_deflection, self.damping)
-        )
+        load, reference = (x[:, None, None] for x in (self.reference_load, self.reference_deflection))
         pressed = np.maximum(deflection / reference, 0.0)
-        return np.asarray(0.5 * np.maximum(load * pressed**self.exponent + damping * np.sqrt(pressed) * rate, 0.0))
+        damping = self._damping(pressed, (1, 1))
+        return np.asarray(0.5 * np.maximum(load * pressed**self.exponent + damping * rate, 0.0))
+
+    def _damping(self, pressed: np.ndarray, behind: tuple[int, ...]) -> np.ndarray:
+        """Damping [N s/m] of an axle's tires at e / u_ref (..., na, *behind); none of those in the air."""
+        damping, growth = (x.reshape(-1, *behind) for x in (self.damping, self.growth))
+        return np.asarray(damping * (1.0 + growth * (np.sqrt(pressed) - 1.0)) * (pressed > 0.0))
 
     def slopes(self, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness [N/m] and damping [N s/m] of the tires (T, na, R) along a course of the roll of the axles."""
@@ -202,7 +208,7 @@ class TiresBySide:
             # Not of tires in the air: with an exponent below one that would be no number.
             steeper = np.power(pressed, self.exponent - 1.0, out=np.zeros_like(pressed), where=pressed > 0.0)
             stiffness += 0.5 * tangent[:, None] * steeper
-            damping += 0.5 * self.damping[:, None] * np.sqrt(pressed)
+            damping += 0.5 * self._damping(pressed, (1,))
         return stiffness, damping
 
 

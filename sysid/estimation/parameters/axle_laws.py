@@ -73,6 +73,7 @@ class LawInputs(NamedTuple):
       load on the suspension;
     - `load_growth` (R, na, 1): load on the suspension over that in the first load case;
     - `tire_factor` (R, na, 1): factor on the tire stiffness of a pass;
+    - `tire_growth` (R, na, 1): how the damping of tires grows with their contact, as in `TireLaw`;
     - `shares` of rockers and positions of bending `frames`, None without any;
     - `trailing` (na,): how far wheels go aft over their jounce, None where none does.
     """
@@ -89,6 +90,7 @@ class LawInputs(NamedTuple):
     carried_load: np.ndarray
     load_growth: np.ndarray
     tire_factor: np.ndarray
+    tire_growth: np.ndarray
     shares: RockerShares | None = None
     frames: FramePositions | None = None
     trailing: Axles | None = None
@@ -131,6 +133,7 @@ def law_inputs(vehicle: Vehicle, parameters: ParameterSet, batch: PassBatch, loa
         batch.reference_load,
         carried,
         carried / reference[..., None],
+        np.ones_like(carried),
         np.ones_like(carried),
         _rocker_shares(vehicle, parameters),
         _frame_positions(vehicle, parameters),
@@ -178,7 +181,7 @@ def axle_laws(inputs: LawInputs, log_parameters: ParametersBySets) -> tuple[Susp
         )
         stiffness = values[inputs.stiffness]
         damping = xp.broadcast_to(values[inputs.damping], stiffness.shape)
-        return _suspension(inputs, values, stiffness, damping), tire
+        return _suspension(inputs, values, stiffness, damping), tire._replace(growth=inputs.tire_growth)
 
 
 def laws_side_by_side(models: Sequence[LawInputs], sets: Sequence[ParametersBySets]) -> tuple[SuspensionLaw, TireLaw]:
@@ -197,8 +200,7 @@ def laws_side_by_side(models: Sequence[LawInputs], sets: Sequence[ParametersBySe
         return by_pass.reshape(*by_pass.shape[:-4], -1, *by_pass.shape[-2:])
 
     whole = [tire._make(np.broadcast_to(value, shape) for value in tire) for tire in tires]
-    joined = jax.tree.map(as_passes, *whole)
-    return jax.tree.map(as_passes, *suspensions), joined._replace(growth=tires[0].growth)
+    return jax.tree.map(as_passes, *suspensions), jax.tree.map(as_passes, *whole)
 
 
 def _suspension(

@@ -31,7 +31,7 @@ from sysid.estimation.residuals.side_unknowns import (
 )
 from sysid.road.enveloping import effective_profile, spoke_table
 from sysid.vehicle_model import engine
-from sysid.vehicle_model.contact import EffectiveRoad, TireLaw
+from sysid.vehicle_model.contact import EffectiveRoad, TireLaw, contact_damping
 from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.passes import EffectiveRoads, Pass
 from sysid.vehicle_model.roll import (
@@ -125,6 +125,7 @@ class RollingRuns:
         self._push = course(found.suspension_force)
         exponent = float(np.asarray(tire.exponent).reshape(-1)[0])
         rest, reference = of_rows(tire.static_deflection)[0], of_rows(tire.reference_deflection)[0]
+        growth = of_rows(tire.growth)[0]
 
         # Axles on a common beam share the suspension of its first one.
         of_axle = list(vehicle.suspension_axle)
@@ -149,7 +150,7 @@ class RollingRuns:
             * np.array([factor(ROLL_STIFFNESS, i) for i in axles]),
             damping=_RUBBING * self._damping * self._of_damper**2 * np.array([factor(ROLL_DAMPING, i) for i in axles]),
             tire_stiffness=in_roll * exponent * static / rest,
-            tire_damping=in_roll * of_rows(tire.damping)[0] * np.sqrt(rest / reference),
+            tire_damping=in_roll * contact_damping(of_rows(tire.damping)[0], rest / reference, growth),
             square_track_m2=np.array([np.mean(np.square(a.tires_m)) for a in self._across]),
             body_of=tuple(a.body for a in vehicle.axles),
             hitches=tuple(pair for chain in chains(vehicle) for pair in pairwise(chain)),
@@ -175,6 +176,7 @@ class RollingRuns:
             reference_load=in_roll * of_rows(tire.reference_load)[0],
             reference_deflection=of_rows(tire.reference_deflection)[0],
             damping=in_roll * of_rows(tire.damping)[0],
+            growth=growth,
         )
         self._friction = None
         if suspension.friction is not None and suspension.slip is not None:

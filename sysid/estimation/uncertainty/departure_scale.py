@@ -33,6 +33,7 @@ from sysid.estimation.uncertainty.departures import (
     FOOTPRINT,
     FRICTION,
     SPOKES,
+    TIRE_DAMPING,
     TIRE_LOAD,
     TRAILING,
     Departure,
@@ -53,7 +54,8 @@ from sysid.estimation.uncertainty.residual_columns import (
 #: of 4 MN/m (2 to 20 MN/m are usual, :data:`sysid.estimation.parameters.suspension_elements.BUSHING_STIFFNESS`); 5 % of
 #: the height of a bump, which rubber gives under a wheel, and a scan may miss where it was taken; a tenth of the jounce
 #: by which links and the fixed eyes of leaf packs lead a wheel fore or aft: a link of 0.6 m that slopes by 60 mm, its
-#: pivot above or below the axle.
+#: pivot above or below the axle; half the way from damping that grows with the contact to one that does not, which most
+#: published models of vehicles have.
 PLAUSIBLE = {
     ENVELOPE: 1.0,
     FOOTPRINT: 0.2,
@@ -63,6 +65,7 @@ PLAUSIBLE = {
     BUSHING: 0.25,
     BUMP: 0.05,
     TRAILING: 0.1,
+    TIRE_DAMPING: 0.5,
 }
 #: Kinds that are let in only where the data show them: by the logarithm of the ratio of evidence with and without them,
 #: and in this root mean square over the axles. Wheels that go 3 % of their jounce aft change k by some 0.3 %, less than

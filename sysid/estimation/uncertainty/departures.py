@@ -1,9 +1,9 @@
 """Departures of the vehicle from the model: physics that the model leaves out, each with an amplitude.
 
-In the model, a tire rolls over its footprint in one way, its stiffness grows with load by one exponent, a linear
-suspension has no friction, dampers are held rigidly, and wheels go straight up. A real truck differs a little in all of
-these. A departure is a direction in which the simulation can be moved towards such other physics; amplitude 0 is the
-model. Amplitudes are estimated, with priors whose size follows from the data
+In the model, a tire rolls over its footprint in one way, its stiffness grows with load by one exponent, its damping
+grows with its contact, a linear suspension has no friction, dampers are held rigidly, and wheels go straight up. A real
+truck differs a little in all of these. A departure is a direction in which the simulation can be moved towards such
+other physics; amplitude 0 is the model. Amplitudes are estimated, with priors whose size follows from the data
 (:mod:`sysid.estimation.uncertainty.departure_scale`).
 """
 
@@ -32,11 +32,14 @@ LoadChanges: TypeAlias = Callable[[Sequence[str]], RunsByAxles]
 #: footprint (logarithm of the factor on the tire stiffness for which it is computed); stiffening of single spokes
 #: (exponent in addition to that of the law); tire stiffness in a further load case (logarithm); friction over the
 #: carried load; compliance of the rubber bushings in series with an axle's dampers [mm/kN]; height of the driven bumps
-#: over that of their scans, less one: bumps give way under wheels; how far a wheel goes aft over its jounce.
+#: over that of their scans, less one: bumps give way under wheels; how far a wheel goes aft over its jounce; how far the
+#: damping of a tire is from growing with its contact (0) towards a constant (1).
 ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD = "envelope", "footprint", "spokes", "tire_load"
 FRICTION, BUSHING, BUMP, TRAILING = "friction", "bushing", "bump", "links"
-#: Kinds whose amplitudes are not negative: friction that pushes, and rubber that pushes back, do not exist.
-ONE_SIDED = (FRICTION, BUSHING)
+TIRE_DAMPING = "tire_damping"
+#: Kinds whose amplitudes are not negative: friction that pushes, rubber that pushes back, and tires that no longer damp
+#: where they are about to leave the road, do not exist.
+ONE_SIDED = (FRICTION, BUSHING, TIRE_DAMPING)
 #: Amplitude in SI units: mm/kN in m/N.
 _COMPLIANCE = 1e-6
 #: No draw of a vehicle departs further than this, two to three and a third times the scale that is plausible without
@@ -51,6 +54,7 @@ REACH = {
     BUSHING: 0.8,
     BUMP: 0.15,
     TRAILING: 0.3,
+    TIRE_DAMPING: 1.0,
 }
 #: Steps of log stiffness and of the spokes' exponent from which the directions of contact are differences.
 _SOFTER, _STIFFENING = 0.1, 0.1
@@ -137,7 +141,8 @@ class Departures:
             elements[quantity] = elements.get(quantity, ElementIndex(none, value))._replace(neutral=value)
         trailing = self.spread(TRAILING, amplitudes, load_cases)[0]
         links = trailing if all_elements or trailing.any() else None
-        return inputs._replace(tire_factor=stiffer, elements=elements, trailing=links)
+        growth = 1.0 - self.spread(TIRE_DAMPING, amplitudes, load_cases)[..., None]
+        return inputs._replace(tire_factor=stiffer, tire_growth=growth, elements=elements, trailing=links)
 
     def _friction(self, amplitudes: np.ndarray, load_cases: Sequence[str]) -> dict[str, np.ndarray]:
         """Quantities (na,) of friction on axles whose laws have none; empty where all have."""
@@ -289,11 +294,12 @@ def departures(
     first = next(iter(roads.load_cases))
     directions = [Departure(kind, i, case) for kind in (ENVELOPE, FOOTPRINT) for case in used_cases for i in axles]
     directions += [Departure(TIRE_LOAD, i, case) for case in used_cases if case != first for i in axles]
+    directions += [Departure(TIRE_DAMPING, i) for i in axles]
     # Other contact laws have no spokes.
     directions += [Departure(BUMP, i) for i in axles if driven]
     directions += [Departure(SPOKES, i) for i in axles if CONTACT_LAWS[roads.contact].follows_tires]
     suspended = sorted(set(roads.vehicle.suspension_axle))
-    directions += [Departure(kind, i) for kind in ONE_SIDED for i in suspended if (kind, i) not in modelled]
+    directions += [Departure(kind, i) for kind in (FRICTION, BUSHING) for i in suspended if (kind, i) not in modelled]
     # The wheels of a beam turn with it.
     alone = set(axles) - {i for group in roads.vehicle.groups for i in group.axles}
     directions += [Departure(TRAILING, i) for i in sorted(alone)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid.estimation.uncertainty.allowances import Allowances
-from sysid.estimation.uncertainty.departures import ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD
+from sysid.estimation.uncertainty.departures import ENVELOPE, FOOTPRINT, SPOKES, TIRE_DAMPING, TIRE_LOAD
 from sysid.estimation.uncertainty.further_unknowns import FurtherUnknown, FurtherUnknowns
 from sysid.estimation.uncertainty.information import AdjustedInformation
 from sysid.estimation.uncertainty.mass_factor import MassFactor
@@ -22,7 +22,7 @@ from sysid.estimation.uncertainty.uncertain_masses import (
 
 #: Kinds of masses and departures that two campaigns can share. Friction and bushings wear: they are compared.
 _OF_MASSES = (UNSPRUNG, INERTIA, CG_HEIGHT, HITCH_HEIGHT, AXLE_LOAD, SCALE)
-_OF_TIRES = (ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD)
+_OF_TIRES = (ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD, TIRE_DAMPING)
 
 
 def further_unknowns(allowances: Allowances, adjusted: AdjustedInformation) -> FurtherUnknowns:

@@ -171,7 +171,6 @@ def _call(
         "samples": timing.samples,
         "substeps": timing.substeps,
         "interval": timing.interval_s,
-        "growth": tire.growth,
         "elements": sum(1 << bit for bit, name in enumerate(ELEMENT_FIELDS) if name in present),
         "ramps": ramps[0],
         "stops": ramps[1],
@@ -267,4 +266,5 @@ def _law_arrays(suspension: SuspensionLaw, tire: TireLaw) -> dict[str, HostOrDev
         "frames": xp.zeros(0) if suspension.frames is None else xp.stack(suspension.frames),
         "sides": xp.stack(sides) if sides else xp.zeros((0, *shape)),
         "reference_load": xp.broadcast_to(xp.asarray(tire.reference_load, float), (*shape[:2], 1)),
+        "growth": xp.broadcast_to(xp.asarray(tire.growth, float), (*shape[:2], 1)),
     }

@@ -58,7 +58,6 @@ class Inputs {
     frames = arrays_[kFrames].count() > 0 ? shape(kFrames)[2] : 0;
     if (axles > kMaxAxles) problem = "too many axles for the native engine";
     clock = {settings.samples, settings.substeps, settings.interval};
-    growth = settings.growth;
     edged = settings.edged != 0;
     elements.set(settings.elements);
     elements.ramps = static_cast<int>(settings.ramps);
@@ -137,7 +136,7 @@ class Inputs {
   Laws<Pack> laws(const Lanes& lanes) const {
     Laws<Pack> found = read<Pack>([&](int64_t row, int64_t i) { return pack(lanes, kLaws, row, i, axles); },
                                   [&](int64_t row, int64_t i) { return pack(lanes, kSides, row, i, axles); },
-                                  [&](int64_t i) { return reference_load(lanes, i); }, MotionChange<Pack>{});
+                                  [&](int which, int64_t i) { return of_runs(lanes, which, i); }, MotionChange<Pack>{});
     for (int64_t f = 0; f < frames; ++f) {
       found.frame_stiffness.push_back(pack(lanes, kFrames, 0, f, frames));
       found.frame_damping.push_back(pack(lanes, kFrames, 1, f, frames));
@@ -165,7 +164,7 @@ class Inputs {
           return jet(data(kLaws)[at], data(kLineariseTangents + kLawTangents) + at * unknowns);
         },
         [&](int64_t row, int64_t i) { return data(kSides)[(row * runs + r) * axles + i]; },
-        [&](int64_t i) { return data(kReferenceLoad)[r * axles + i]; },
+        [&](int which, int64_t i) { return data(which)[r * axles + i]; },
         MotionChange<Jet<T>>{change(0), change(1), change(2)});
     for (int64_t f = 0; f < frames; ++f) {
       const auto coefficient = [&](int64_t row) {
@@ -177,7 +176,7 @@ class Inputs {
     }
     for (int64_t begin = 0; begin < axles; begin += kLanes) {
       TireLaw<Pack> tires{};
-      Pack load{};
+      Pack load{}, growth{};
       for (int64_t k = 0; k < kLanes; ++k) {
         // Lanes beyond the last axle repeat it.
         const TireLaw<Jet<T>>& one = found.tire[std::min(begin + k, axles - 1)];
@@ -186,28 +185,31 @@ class Inputs {
         tires.exponent[k] = value(one.exponent);
         tires.damping[k] = value(one.damping);
         load[k] = one.reference_load;
+        growth[k] = one.growth;
       }
       found.across.push_back(tires);
       found.reference_load.push_back(load);
+      found.growth.push_back(growth);
     }
     return found;
   }
 
-  // Number i of a row (rows, R, width, S) for the runs and sets of a pack, and the reference loads of an axle.
+  // Number i of a row (rows, R, width, S) for the runs and sets of a pack, and number i of a row (R, na, 1).
   Pack pack(const Lanes& lanes, int which, int64_t row, int64_t i, int64_t width) const {
     Pack x;
     for (int k = 0; k < kLanes; ++k) x[k] = data(which)[((row * runs + lanes.run[k]) * width + i) * sets + lanes.set[k]];
     return x;
   }
-  Pack reference_load(const Lanes& lanes, int64_t i) const {
+  Pack of_runs(const Lanes& lanes, int which, int64_t i) const {
     Pack x;
-    for (int k = 0; k < kLanes; ++k) x[k] = data(kReferenceLoad)[lanes.run[k] * axles + i];
+    for (int k = 0; k < kLanes; ++k) x[k] = data(which)[lanes.run[k] * axles + i];
     return x;
   }
 
-  // All laws; coefficient(row, axle) and side(ramp, axle) give the rows of kLaws and kSides, load(axle) F_ref.
-  template <class V, class Coefficient, class Side, class Load>
-  Laws<V> read(Coefficient&& coefficient, Side&& side, Load&& load, const MotionChange<V>& change) const {
+  // All laws; coefficient(row, axle) and side(ramp, axle) give the rows of kLaws and kSides, known(row, axle)
+  // what no set changes.
+  template <class V, class Coefficient, class Side, class Known>
+  Laws<V> read(Coefficient&& coefficient, Side&& side, Known&& known, const MotionChange<V>& change) const {
     Laws<V> found;
     found.change = change;
     for (int64_t i = 0; i < axles; ++i) {
@@ -216,7 +218,7 @@ class Inputs {
       const Coefficients<V> c = read_coefficients<V>(elements, next);
       SuspensionLaw<V> law = suspension_law(elements, c);
       const TireLaw<V> tire = {c.static_deflection, reciprocal(c.reference_deflection), c.exponent, c.tire_damping,
-                               load(i)};
+                               known(kReferenceLoad, i), known(kGrowth, i)};
       const int springs = elements.ramps, stops = springs + elements.stops;
       for (int j = 0; j < stops + elements.rate_ramps; ++j) {
         std::vector<Ramp<V>>& ramps = j < springs ? law.ramps : j < stops ? law.stops : law.rate_ramps;
@@ -249,7 +251,6 @@ class Inputs {
   }
 
   int64_t runs, axles, sets, coordinates, body_sensors, stations, frames;
-  double growth;
   bool edged = false;
   Elements elements;
   Channels channels;
@@ -296,7 +297,6 @@ class Inputs {
       return x;
     };
     run.motion = {motion(0), motion(1), motion(2)};
-    run.growth = growth;
     run.edged = edged;
     return run;
   }

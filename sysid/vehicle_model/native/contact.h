@@ -316,7 +316,7 @@ inline Squash<T> squash(const RoadRows<Q>& road, const T& u0, const T& advance, 
 // of the contact, g = |x| sqrt((1 + 0.1) / (|x| + 0.1)); off the ground the rate counts as -|de/dt|.
 template <class T>
 inline T tire_force(const T& deflection, const T& rate, const T& inverse_reference, const T& exponent, const T& damping,
-                    Pack reference_load, double growth) {
+                    Pack reference_load, Pack growth) {
   const T relative = deflection * inverse_reference;
   const T size = absolute(relative);
   const Pack sign = select(value(size) > kNoDeflection, sign_of(value(relative)), Pack{});

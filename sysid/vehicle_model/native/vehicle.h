@@ -58,16 +58,15 @@ struct Run {
   Frames<M> frames;
   std::vector<RoadTable> road;  // of each lane
   Motion<M> motion;
-  double growth;
   bool edged = false;  // the road is looked up where the wheels are, not by its Taylor series
   Elements elements;
 };
 
-// Tire of one axle: u_0 [m], 1/u_ref [1/m], n [-], c_t [N s/m], F_ref [N].
+// Tire of one axle: u_0 [m], 1/u_ref [1/m], n [-], c_t [N s/m], F_ref [N], how c_t grows with the contact [-].
 template <class V>
 struct TireLaw {
   V static_deflection, inverse_reference, exponent, damping;
-  Scalar<V> reference_load;
+  Scalar<V> reference_load, growth;
 };
 
 // Laws of all axles, and derivatives of the run's motion.
@@ -78,7 +77,7 @@ struct Laws {
   std::vector<V> frame_stiffness, frame_damping;  // (2 pi f)^2 [1/s2], 2 zeta (2 pi f) [1/s]
   MotionChange<V> change;
   std::vector<TireLaw<Pack>> across;  // for jets: values of the tires' coefficients, lanes are axles
-  std::vector<Pack> reference_load;   // [N], lanes are axles
+  std::vector<Pack> reference_load, growth;  // [N], [-], lanes are axles
 };
 
 // States inside suspensions: phi of friction, and the rate of dampers in bushings [m/s].
@@ -167,7 +166,7 @@ void contacts(const Run<M>& run, const Laws<V>& laws, const PointFor<M>* road, d
   for (int i = 0; i < run.axles; ++i) {
     const TireLaw<V>& law = laws.tire[i];
     unclipped[i] = tire_force(deflection[i], rate[i], law.inverse_reference, law.exponent, law.damping,
-                              law.reference_load, run.growth);
+                              law.reference_load, law.growth);
   }
 }
 
@@ -231,7 +230,7 @@ void contacts(const Run<double>& run, const Laws<Jet<T>>& laws, const RoadPoint*
                                    variable<kForceInputs>(tires.inverse_reference, kInverse),
                                    variable<kForceInputs>(tires.exponent, kExponent),
                                    variable<kForceInputs>(tires.damping, kDamping),
-                                   laws.reference_load[first / kLanes], run.growth);
+                                   laws.reference_load[first / kLanes], laws.growth[first / kLanes]);
     for (int k = 0; k < count; ++k) {
       const int i = first + k;
       const TireLaw<Jet<T>>& law = laws.tire[i];
