@@ -147,7 +147,9 @@ def tangents(
     return np.asarray(stiffness * deflection ** (exponent - 1.0)), contact_damping(damping, deflection, growth)
 
 
-def contact_damping(damping: np.ndarray | float, deflection: np.ndarray, growth: np.ndarray | float = 1.0) -> np.ndarray:
+def contact_damping(
+    damping: np.ndarray | float, deflection: np.ndarray, growth: np.ndarray | float = 1.0
+) -> np.ndarray:
     """Damping of tires away from the reference load, as for :func:`tangents`."""
     length = deflection * np.sqrt((1.0 + SOFT_DAMPING) / (deflection + SOFT_DAMPING))
     return np.asarray(damping * (1.0 + growth * (length - 1.0)))

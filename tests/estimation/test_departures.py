@@ -27,6 +27,7 @@ from sysid.estimation.uncertainty.departures import (
     REACH,
     RIGID,
     SPOKES,
+    TIRE_DAMPING,
     TIRE_LOAD,
     TRAILING,
     Departure,
@@ -34,6 +35,7 @@ from sysid.estimation.uncertainty.departures import (
 )
 from sysid.estimation.uncertainty.residual_columns import STEP
 from sysid.estimation.uncertainty.uncertain_masses import uncertain_masses
+from sysid.vehicle_model.contact import contact_damping
 from sysid.vehicle_model.passes import EffectiveRoads, Pass
 
 MOTION = RunMotion.steady(np.array([6.0, 7.0]), np.array([0.2, 0.2]))
@@ -116,6 +118,23 @@ def test_bushings_of_an_amplitude_are_those_of_the_law_and_none_is_a_rigid_dampe
         assert np.abs(one - plain).max() > 1e-2 * np.abs(plain).max()
     for one, two in zip(*(simulate_runs(m, start, MOTION) for m in (ours, stiff)), strict=True):
         np.testing.assert_allclose(one, two, rtol=1e-4, atol=1e-6 * np.abs(one).max())
+
+
+def test_the_whole_way_to_constant_damping_of_tires_is_that_law(model):
+    """A tire at a quarter of its reference deflection: constant, half of it, and as its contact grows, by hand."""
+    data, parameters, ours = model
+    known = known_departures(data, parameters, ours)
+    soft = 0.25 * np.sqrt(1.1 / 0.35)
+    for amplitude, share in ((1.0, 1.0), (0.5, 0.5 + 0.5 * soft), (0.0, soft)):
+        moved = known.model(ours, amplitudes(known, TIRE_DAMPING, amplitude))
+        _, tire = axle_laws(moved.arrays[0].laws, parameters.start[:, None])
+        np.testing.assert_allclose(tire.growth, 1.0 - amplitude)
+        found = contact_damping(np.full(3, 2.5e3), np.full(3, 0.25), np.asarray(tire.growth)[0, :, 0])
+        np.testing.assert_allclose(found, share * 2.5e3)
+        signals = (simulate_runs(m, parameters.start, MOTION) for m in (ours, moved))
+        changed = max(np.abs(one - two).max() / np.abs(one).max() for one, two in zip(*signals, strict=True))
+        assert changed > 1e-3 if amplitude else changed < 1e-6
+    assert {d.axle for d in known.directions if d.kind == TIRE_DAMPING} == {0, 1, 2, None}
 
 
 def test_links_lead_wheels_by_their_amplitude_but_not_those_of_a_beam(model):
@@ -267,12 +286,12 @@ def test_stiffening_spokes_are_the_maps_of_their_exponent(model):
         assert np.sqrt(np.mean((one - two) ** 2)) < 0.05 * np.sqrt(np.mean((plain - two) ** 2))
 
 
-def test_amounts_stay_within_reach_and_friction_and_bushings_do_not_push():
+def test_amounts_stay_within_reach_and_friction_bushings_and_tires_do_not_push():
     masses = SimpleNamespace(sd=np.array([0.03]), factors=("one",))
-    kinds = (Departure(FRICTION, 0), Departure(BUSHING, 0), Departure(ENVELOPE, 0), Departure(TIRE_LOAD, 0, "laden"))
+    kinds = (Departure(FRICTION, 0), Departure(BUSHING, 0), Departure(TIRE_DAMPING, 0), Departure(ENVELOPE, 0))
     allowances = Allowances(masses, Departures(None, kinds))
-    found = allowances.within_reach(np.array([-0.5, -0.02, -0.1, -9.0, 0.1]))
-    np.testing.assert_allclose(found, [-0.12, 0.0, 0.0, -REACH[ENVELOPE], 0.1])
+    found = allowances.within_reach(np.array([-0.5, -0.02, -0.1, -0.2, -9.0]))
+    np.testing.assert_allclose(found, [-0.12, 0.0, 0.0, 0.0, -REACH[ENVELOPE]])
     np.testing.assert_allclose(allowances.within_reach(np.full(5, 9.0)), [0.12, *(REACH[d.kind] for d in kinds)])
 
 

@@ -66,7 +66,8 @@ def test_fewer_samples_of_fast_logs_show_the_same_roll() -> None:
     data, model, x = made(RIGHT)
     unknowns = side_unknowns(data, model.felt)[:2]
     (shape,) = model.shapes
-    slow = shape._replace(samples=-(-shape.samples // 2), interval_s=2.0 * shape.interval_s, substeps=2 * shape.substeps)
+    half, longer = -(-shape.samples // 2), 2.0 * shape.interval_s
+    slow = shape._replace(samples=half, interval_s=longer, substeps=2 * shape.substeps)
     all_of, fewer = (side_signals(m, 0, x, MOTION, unknowns) for m in (model, replace(model, shapes=(slow,))))
     for every, kept in ((all_of.shown, fewer.shown), (all_of.columns, fewer.columns)):
         assert kept.shape[0] == slow.samples

@@ -168,7 +168,7 @@ def misfit_of(tire_N: np.ndarray, places: np.ndarray, station: np.ndarray, heigh
     tires = MapTires(tuple(a.tire_stiffness_N_per_m for a in AXLES), SPOKE_EXPONENT)
     paths = WheelPaths(places[:, :, 0, None], (places[:, :, 1] - places[0, :, 1])[..., None])
     damping = np.array([a.tire_damping_N_s_per_m for a in AXLES])
-    loads = EdgeLoads(paths, tire_N, spokes_over_road.STEP_S, damping)
+    loads = EdgeLoads(paths, tire_N, spokes_over_road.STEP_S, damping, np.ones(len(AXLES)))
     return misfit_on_springs(loads, station, height, VEHICLE, EMPTY, EMPTY, tires)
 
 

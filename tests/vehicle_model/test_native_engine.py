@@ -229,6 +229,19 @@ def test_every_coefficient_of_an_element_is_in_that_comparison():
 
 
 @needs_native
+def test_damping_that_grows_otherwise_on_every_tire(both):
+    def run() -> tuple[np.ndarray, np.ndarray]:
+        case = truck(footprint=True, samples=180)
+        plain = case.sensors(rigid_truck.FILTER)
+        case.tire = case.tire._replace(growth=np.array([[[0.0], [0.4], [0.9]], [[1.0], [0.2], [0.0]]]))
+        return case.sensors(rigid_truck.FILTER), plain
+
+    (ours, plain), (theirs, _) = both(run)
+    assert_same(ours, theirs)
+    assert np.abs(ours - plain).max() > 1e-3
+
+
+@needs_native
 def test_axle_groups(both):
     """A bogie on a beam, with friction, stops and an asymmetric damper."""
     vehicle = replace(rigid_truck.VEHICLE, groups=(AxleGroup("bogie", (1, 2), 300.0, 90.0),))

@@ -81,6 +81,7 @@ def test_wheels_of_either_side_push_as_in_three_dimensions() -> None:
         reference_load=preload * kt,
         reference_deflection=np.full(2, preload),
         damping=np.zeros(2),
+        growth=np.ones(2),
     )
     found = tires.forces(slice(None), made.angle[:, 1:], made.rate[:, 1:])
     for side, sign in enumerate((1.0, -1.0)):
@@ -136,19 +137,21 @@ def slope(course, time: float) -> np.ndarray:
     return (course(time + 1e-6) - course(time - 1e-6)) / 2e-6
 
 
-def test_each_side_leaves_the_road_and_lands_on_its_own() -> None:
+@pytest.mark.parametrize("growth", [1.0, 0.3, 0.0])
+def test_each_side_leaves_the_road_and_lands_on_its_own(growth: float) -> None:
     truck, load, exponent = RollingTruck(), np.array([2.0e4, 3.2e4]), 1.2
     system = system_of(truck)
     reference = exponent * load / np.array(truck.kt)
     courses = [np.array([f(t) for t in TIME_S])[..., None] for f in (
         deflection, lambda t: slope(deflection, t), difference, lambda t: slope(difference, t))]  # fmt: skip
     half = np.array(truck.tire_y)
-    tires = TiresBySide(half, exponent, *courses, load, reference, np.array(truck.ct))
+    tires = TiresBySide(half, exponent, *courses, load, reference, np.array(truck.ct), np.full(2, growth))
     made = roll_motion(system, STEP_S, np.zeros((TIME_S.size, 3, 1, 1)), tires)
 
     def force(pressed: np.ndarray, rate: np.ndarray) -> np.ndarray:
         ratio = np.maximum(pressed, 0.0) / reference
-        return 0.5 * np.maximum(load * ratio**exponent + np.array(truck.ct) * np.sqrt(ratio) * rate, 0.0)
+        damping = np.array(truck.ct) * np.where(ratio > 0.0, 1.0 - growth + growth * np.sqrt(ratio), 0.0)
+        return 0.5 * np.maximum(load * ratio**exponent + damping * rate, 0.0)
 
     def rates(time: float, state: np.ndarray) -> np.ndarray:
         apart = 0.5 * difference(time) - half * state[1:3]

@@ -32,8 +32,8 @@ LoadChanges: TypeAlias = Callable[[Sequence[str]], RunsByAxles]
 #: footprint (logarithm of the factor on the tire stiffness for which it is computed); stiffening of single spokes
 #: (exponent in addition to that of the law); tire stiffness in a further load case (logarithm); friction over the
 #: carried load; compliance of the rubber bushings in series with an axle's dampers [mm/kN]; height of the driven bumps
-#: over that of their scans, less one: bumps give way under wheels; how far a wheel goes aft over its jounce; how far the
-#: damping of a tire is from growing with its contact (0) towards a constant (1).
+#: over that of their scans, less one: bumps give way under wheels; how far a wheel goes aft over its jounce; how far
+#: the damping of a tire is from growing with its contact (0) towards a constant (1).
 ENVELOPE, FOOTPRINT, SPOKES, TIRE_LOAD = "envelope", "footprint", "spokes", "tire_load"
 FRICTION, BUSHING, BUMP, TRAILING = "friction", "bushing", "bump", "links"
 TIRE_DAMPING = "tire_damping"
