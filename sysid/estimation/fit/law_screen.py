@@ -19,11 +19,12 @@ import numpy as np
 
 from sysid.campaign.records import Campaign
 from sysid.campaign.vehicle_records import Axle, Vehicle
+from sysid.estimation.fit.helper_travel import HELPER_TRAVEL, compressions_by_load, tried_helper_travel
 from sysid.estimation.fit.law_evidence import LawEvidence
 from sysid.estimation.fit.optimum import Optimum, effective_residuals
 from sysid.estimation.fit.thresholds import DECISIVE
 from sysid.estimation.parameters.axle_laws import ElementIndex, LawInputs
-from sysid.estimation.parameters.law_families import FAMILIES, FRICTION, LEAF_FRICTION, STOPS, Laws
+from sysid.estimation.parameters.law_families import FAMILIES, FRICTION, HELPER, LEAF_FRICTION, STOPS, Laws
 from sysid.estimation.parameters.suspension_elements import TRAVELS, ElementQuantity, quantities
 from sysid.estimation.residuals.bump_model import BumpModel
 from sysid.estimation.residuals.signals import simulate_runs
@@ -147,6 +148,8 @@ class Screen:
     def __init__(self, campaign: Campaign, evidence: LawEvidence, optimum: Optimum, listed: Sequence[LawCandidate]):
         self._listed = list(listed)
         reached = reached_travels(optimum) if any(c.element == STOPS for c in listed) else {}
+        if any(c.element == HELPER for c in listed):
+            reached |= {(HELPER_TRAVEL, axle): most for axle, most in compressions_by_load(optimum).items()}
         self._against = np.array([travel_penalty(campaign.vehicle, reached, c) for c in listed])
         columns = candidate_columns(campaign, optimum, listed, reached)
         self._equations, response = evidence.without_known(optimum, columns)
@@ -177,7 +180,7 @@ def candidate_columns(
 
     Parameters
     ----------
-    reached : largest travels in the runs, see :func:`reached_travels`.
+    reached : largest travels in the runs, see :func:`reached_travels`, and compressions of springs by loads.
     """
     problem = optimum.problem
     trials = [(_with_candidate(campaign, problem.model, candidate, reached), STEP) for candidate in listed]
@@ -205,15 +208,20 @@ def tried_travel(median: float, reached: float | None) -> float:
 
 
 def travel_penalty(vehicle: Vehicle, reached: Mapping[tuple[str, int], float], candidate: LawCandidate) -> float:
-    """What the priors of its travels take from the gain of a stop that is tried nearer than usual."""
-    if candidate.element != STOPS:
-        return 0.0
+    """What the priors of their travels take from the gain of stops or helper leaves tried nearer than usual."""
     total = 0.0
-    for q in quantities(frozenset({STOPS})):
-        for i in candidate.axles if q.quantity in TRAVELS else ():
+    for q in quantities(frozenset({candidate.element})):
+        for i in candidate.axles if q.quantity in (*TRAVELS, HELPER_TRAVEL) else ():
             median = q.median(vehicle.axles[i], 0.0)
-            total += (np.log(tried_travel(median, reached.get((q.quantity, i))) / median) / q.sd) ** 2
+            total += (np.log(_tried(q, median, reached.get((q.quantity, i))) / median) / q.sd) ** 2
     return float(total)
+
+
+def _tried(q: ElementQuantity, median: float, reached: float | None) -> float:
+    """Value at which a quantity is tried: the median of its prior, but for travels that the runs would not show."""
+    if q.quantity in TRAVELS:
+        return tried_travel(median, reached)
+    return tried_helper_travel(median, reached) if q.quantity == HELPER_TRAVEL else median
 
 
 def _with_candidate(
@@ -239,9 +247,7 @@ def _elements(
         given = elements.get(q.quantity)
         neutral = np.full(carried.size, q.neutral) if given is None else given.neutral.copy()
         for i in candidate.axles:
-            median = q.median(axles[i], float(carried[i]))
-            if q.quantity in TRAVELS:
-                median = tried_travel(median, reached.get((q.quantity, i)))
+            median = _tried(q, q.median(axles[i], float(carried[i])), reached.get((q.quantity, i)))
             if q is candidate.quantity:
                 # What is out at zero has its median as scale, what is out at one the spread of its logarithm.
                 neutral[i] = STEP * median if q.neutral == 0.0 else q.neutral * _step(q, median)

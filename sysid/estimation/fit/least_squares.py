@@ -12,6 +12,7 @@ from sysid.campaign.records import Campaign
 from sysid.errors import DataRejectedError
 from sysid.estimation.fit.evaluation import evaluate_optimum
 from sysid.estimation.fit.fit_result import FitResult
+from sysid.estimation.fit.helper_travel import HELPER_TRAVEL, compressions_by_load, tried_helper_travel
 from sysid.estimation.fit.joint_optimum import joint_optimum
 from sysid.estimation.fit.load_case_check import check_load_cases, misfits
 from sysid.estimation.fit.optimum import Optimum
@@ -21,7 +22,7 @@ from sysid.estimation.fit.search_plan import Plan, exact, glance
 from sysid.estimation.fit.start_search import search_motion
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.map_tires import map_tires
-from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.parameters.parameter_set import Parameter, ParameterSet
 from sysid.estimation.residuals.bump_model import BumpModel, bump_model
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.run_paths import with_run_paths
@@ -131,9 +132,16 @@ def optimise(
 
 
 def _start_from(parameters: ParameterSet, near: Optimum) -> np.ndarray:
-    """Start vector that takes common parameters from another optimum."""
+    """Start vector that takes common parameters from another optimum; new helper leaves begin where they show."""
     nearby = dict(zip(near.problem.model.parameters.names, near.vector, strict=False))
-    return np.array([nearby.get(p.name, np.log(p.start)) for p in parameters.parameters])
+    compressed = compressions_by_load(near)
+
+    def start(p: Parameter) -> float:
+        if p.quantity == HELPER_TRAVEL and p.axle is not None:
+            return tried_helper_travel(p.start, compressed.get(p.axle))
+        return p.start
+
+    return np.array([nearby.get(p.name, np.log(start(p))) for p in parameters.parameters])
 
 
 def _find_motion(
