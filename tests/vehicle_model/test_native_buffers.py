@@ -45,7 +45,7 @@ def test_sizes_of_symbols(dimension, number):
 
 def test_a_sound_call_crosses_in_the_described_order(call):
     ordered = call.ordered()
-    assert [a is call.arrays[b.name] for a, b in zip(ordered, buffers.BLOCKS["common"], strict=True)] == [True] * 26
+    assert [a is call.arrays[b.name] for a, b in zip(ordered, buffers.BLOCKS["common"], strict=True)] == [True] * 27
 
 
 @pytest.mark.parametrize("name", [b.name for b in buffers.BLOCKS["common"]])
