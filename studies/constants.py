@@ -137,6 +137,7 @@ def constants() -> list[Constant]:
         _departure(departures.FOOTPRINT, " in log stiffness", "assumption"),
         _departure(departures.SPOKES, " of the exponent", "assumption"),
         _departure(departures.TIRE_LOAD, " in log stiffness", "assumption: beyond the common exponent"),
+        _departure(departures.TIRE_DAMPING, "", "assumption: half way from the contact law to a constant"),
         _departure(departures.FRICTION, " of the load", "2 to 10 % in leaf packs (Fancher et al., UMTRI-86-12)"),
         _departure(departures.BUSHING, " mm/kN", "assumption: eyes of 2 to 20 kN/mm"),
         _departure(departures.BUMP, " of the height", "assumption: rubber gives; a scan misses where it was taken"),

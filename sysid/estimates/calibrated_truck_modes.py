@@ -42,7 +42,8 @@ def calibrated_modes(campaign: Campaign, fit: FitResult, posterior: Posterior | 
     for case in campaign.load_cases.values():
         try:
             known = _with_tangents(campaign, fit, posterior, case, values)
-            modes.append(_modes(campaign, case, known, shares, bending))
+            growth = np.array(fit.tire_growth or [1.0] * len(campaign.vehicle.axles))
+            modes.append(_modes(campaign, case, known, growth, shares, bending))
         except (KeyError, SysidError):
             # A load case that nobody drove has no stiffness of its own; with values far off the vehicle may be
             # unstable.
@@ -72,6 +73,7 @@ def _modes(
     campaign: Campaign,
     case: LoadCase,
     values: dict[tuple[str, int | None, str | None], float],
+    growth: np.ndarray,
     shares: tuple[LoadShare, ...],
     bending: Mapping[str, tuple[float, float]],
 ) -> NaturalModes:
@@ -91,7 +93,7 @@ def _modes(
     deflection = load ** (1.0 / exponent)
     tire = [of_axle("tire_stiffness", i, a.tire_stiffness_N_per_m) for i, a in enumerate(vehicle.axles)]
     tire_damping = [of_axle("tire_damping", i, a.tire_damping_N_s_per_m) for i, a in enumerate(vehicle.axles)]
-    at_rest, damping_at_rest = tangents(np.array(tire), np.array(tire_damping), exponent, deflection)
+    at_rest, damping_at_rest = tangents(np.array(tire), np.array(tire_damping), exponent, deflection, growth)
     return natural_modes(
         vehicle,
         case,

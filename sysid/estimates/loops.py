@@ -87,6 +87,8 @@ def calibrated_laws(
     fitted = {p.name: p.value for p in fit.parameters} | dict(values)
     logs = np.log([fitted.get(p.name, p.start) for p in parameters.parameters])[:, None]
     law, tire = axle_laws(law_inputs(vehicle, parameters, batch, [load_case]), logs)
+    if fit.tire_growth:
+        tire = tire._replace(growth=np.array(fit.tire_growth)[None, :, None])
     return law, tire, np.asarray(matrices.carried_load[0, :, 0])
 
 

@@ -130,7 +130,7 @@ def tangents(
     damping: np.ndarray,
     exponent: np.ndarray | float,
     deflection: np.ndarray,
-    growth: np.ndarray | float = 1.0,
+    growth: np.ndarray | float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Tangent stiffness [N/m] and damping [N s/m] of tires (axles,) away from the reference load, at rest.
 
@@ -147,9 +147,7 @@ def tangents(
     return np.asarray(stiffness * deflection ** (exponent - 1.0)), contact_damping(damping, deflection, growth)
 
 
-def contact_damping(
-    damping: np.ndarray | float, deflection: np.ndarray, growth: np.ndarray | float = 1.0
-) -> np.ndarray:
+def contact_damping(damping: np.ndarray | float, deflection: np.ndarray, growth: np.ndarray | float) -> np.ndarray:
     """Damping of tires away from the reference load, as for :func:`tangents`."""
     length = deflection * np.sqrt((1.0 + SOFT_DAMPING) / (deflection + SOFT_DAMPING))
     return np.asarray(damping * (1.0 + growth * (length - 1.0)))

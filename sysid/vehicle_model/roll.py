@@ -22,6 +22,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
+from sysid.vehicle_model.contact import contact_damping
 from sysid.vehicle_model.filters import FilterRecursion
 
 
@@ -150,7 +151,7 @@ class TiresBySide:
 
     With y the half track, d the difference of the road under both sides and e the deflection of the mean, the sides are
     deflected by e + a and e - a, a = d / 2 - y phi. Each has half of the axle's force F(e) = F_ref (e / u_ref)^n, and
-    half of its damping c (1 + g (sqrt(e / u_ref) - 1)); none pulls.
+    half of its damping (:func:`sysid.vehicle_model.contact.contact_damping`); none pulls.
 
     - `half_track_m` (na,): y; `exponent`: n;
     - `deflection`, `rate` (T, na, R): e [m], below 0 where the axle is off the road, and its rate [m/s];
@@ -196,7 +197,7 @@ class TiresBySide:
     def _damping(self, pressed: np.ndarray, behind: tuple[int, ...]) -> np.ndarray:
         """Damping [N s/m] of an axle's tires at e / u_ref (..., na, *behind); none of those in the air."""
         damping, growth = (x.reshape(-1, *behind) for x in (self.damping, self.growth))
-        return np.asarray(damping * (1.0 + growth * (np.sqrt(pressed) - 1.0)) * (pressed > 0.0))
+        return contact_damping(damping, pressed, growth) * (pressed > 0.0)
 
     def slopes(self, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness [N/m] and damping [N s/m] of the tires (T, na, R) along a course of the roll of the axles."""

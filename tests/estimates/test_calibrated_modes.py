@@ -16,12 +16,13 @@ from sysid.vehicle_model.contact import RoadInput, contact_force, tire_law
 from sysid.vehicle_model.vibration_modes import natural_modes
 
 
-def test_every_load_case_has_its_own_stiffness_and_tire_tangent():
+@pytest.mark.parametrize("growth", [(), (0.0, 0.3)])
+def test_every_load_case_has_its_own_stiffness_and_tire_tangent(growth):
     """The tire's tangent and damping at rest by differences of the contact force itself."""
     results = small_results()
     vehicle, cases = results.campaign.vehicle, results.campaign.load_cases
     exponent = replace(small_fit().parameters[0], name="tire_exponent", quantity="tire_exponent", axle=None, value=1.3)
-    fit = small_fit(parameters=(*small_fit().parameters, exponent))
+    fit = small_fit(parameters=(*small_fit().parameters, exponent), tire_growth=growth)
     empty, laden = calibrated_modes(results.campaign, fit, None)
 
     def column(v):
@@ -29,6 +30,7 @@ def test_every_load_case_has_its_own_stiffness_and_tire_tangent():
 
     load, reference = (column(cases[n].axle_loads_kg) * 9.81 for n in ("laden", "empty"))
     law = tire_law(column([1.6e6, 2.9e6]), column([3e3, 3e3]), 1.3, load, reference)
+    law = law._replace(growth=column(growth)) if growth else law
     flat = RoadInput(*(jnp.zeros((1, 2, 1)),) * 5)
 
     def force(rise, rate):

@@ -91,8 +91,10 @@ def test_values_are_taken_by_name(linear):
 
 
 @pytest.mark.parametrize("case", [EMPTY, LADEN])
-def test_tire_values_are_the_tangents_of_the_contact_force(linear, case):
+@pytest.mark.parametrize("growth", [(), (0.0, 0.3, 1.0)])
+def test_tire_values_are_the_tangents_of_the_contact_force(linear, case, growth):
     data, fit = linear
+    fit = replace(fit, tire_growth=growth)
     vehicle = calibrated_vehicle(data, None, fit, None, case.name)
 
     def arrays(values):
@@ -105,6 +107,7 @@ def test_tire_values_are_the_tangents_of_the_contact_force(linear, case):
         G * arrays(case.axle_loads_kg),
         G * arrays(EMPTY.axle_loads_kg),
     )
+    law = law._replace(growth=arrays(growth)) if growth else law
     zero = np.zeros((1, 3, 1))
     flat = RoadInput(zero, zero, zero, zero, zero)
 

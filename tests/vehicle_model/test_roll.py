@@ -150,7 +150,9 @@ def test_each_side_leaves_the_road_and_lands_on_its_own(growth: float) -> None:
 
     def force(pressed: np.ndarray, rate: np.ndarray) -> np.ndarray:
         ratio = np.maximum(pressed, 0.0) / reference
-        damping = np.array(truck.ct) * np.where(ratio > 0.0, 1.0 - growth + growth * np.sqrt(ratio), 0.0)
+        damping = np.array(truck.ct) * np.where(
+            ratio > 0.0, 1.0 - growth + growth * ratio * np.sqrt(1.1 / (ratio + 0.1)), 0.0
+        )
         return 0.5 * np.maximum(load * ratio**exponent + damping * rate, 0.0)
 
     def rates(time: float, state: np.ndarray) -> np.ndarray:

@@ -128,6 +128,7 @@ def evaluate_optimum(
         load_shares=load_shares(campaign.vehicle, estimates),
         parts=adjusted.parts.differences,
         further=further_unknowns(allowances, adjusted),
+        tire_growth=tuple(model.arrays[0].laws.tire_growth[0, :, 0].tolist()),
     )
     return fit, FitState(campaign, point, model)
 

@@ -137,6 +137,8 @@ class FitResult(Tabular):
     - `impossible` are those `warnings` that name values that no truck has
       (:mod:`sysid.estimation.fit.implausible_values`);
     - `further`: errors of declared masses and of the contact model, and how the parameters go with them;
+    - `tire_growth` of every axle: how the damping of its tires grows with their contact, as in
+      :class:`~sysid.vehicle_model.contact.TireLaw`; empty where it is not known, which counts as 1;
     - `misfit` is the median over channels and runs of residual over noise. The noise is that of the instruments, or
       what the channels show before the bump.
     """
@@ -172,6 +174,7 @@ class FitResult(Tabular):
     impossible: tuple[str, ...] = ()
     parts: tuple[PartDifference, ...] = ()
     further: FurtherUnknowns | None = None
+    tire_growth: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("parameters", "run_parameters"):
