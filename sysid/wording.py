@@ -9,6 +9,9 @@ from collections.abc import Iterable, Sequence
 #: General categories of what a reader does not see: control characters, which terminals obey, marks that
 #: change the direction of writing, halves of surrogate pairs, private characters, separators of lines.
 _UNSEEN = ("Cc", "Cf", "Cs", "Co", "Zl", "Zp")
+#: Not seen either, and part of how words are written in Persian, Hindi and other scripts: ZWNJ and ZWJ.
+JOINERS = "\u200c\u200d"
+_KEPT = f"\n\t{JOINERS}"
 
 
 def plain_text(text: str) -> str:
@@ -18,7 +21,7 @@ def plain_text(text: str) -> str:
     """
     if text.isascii() and text.isprintable():
         return text
-    return "".join(c for c in text if c in "\n\t" or unicodedata.category(c) not in _UNSEEN)
+    return "".join(c for c in text if c in _KEPT or unicodedata.category(c) not in _UNSEEN)
 
 
 def plain_line(text: str) -> str:

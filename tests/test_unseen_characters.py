@@ -25,6 +25,7 @@ UNSEEN = [*CONTROLS, *BIDI, *SEPARATORS]
 NAME = "truck " + "".join(f"{c}[31mA" for c in UNSEEN)
 #: What names are made of, in several scripts.
 READABLE = "Zug \u00e9\u00df \u0628\u0627\u0635 \u5361\u8f66 \u0917\u093e\u0921\u093c\u0940 \U0001f69a"
+READABLE += " \u0646\u0645\u06cc\u200c\u062f\u0627\u0646\u0645"
 
 
 def unseen_in(text: str, allowed: str = "") -> list[str]:

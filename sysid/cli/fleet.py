@@ -28,7 +28,7 @@ from sysid.cli.tables import render, show_command
 from sysid.errors import CampaignError, NotConvergedError
 from sysid.files import write_text
 from sysid.folder_lock import writing_to
-from sysid.wording import shorten
+from sysid.wording import plain_text, shorten
 
 if TYPE_CHECKING:
     from sysid.fleet.records import Fleet
@@ -271,8 +271,20 @@ def jobs(screen: Console, errors: Console, path: Path, output: Path, **choices: 
         words += [flag] if value is True else [flag, str(value)]
     for _, campaign in _read(path, errors).campaigns():
         line = [*words, "--output", str(output.resolve()), "--workers", "1", "--only", campaign.name]
-        screen.print(shlex.join(line), markup=False, soft_wrap=True)
+        # Not by the console: these lines are for other programs.
+        click.echo(_on_a_line(line))
     return 0
+
+
+def _on_a_line(words: list[str]) -> str:
+    """A command to the letter; CampaignError where a terminal would obey it or a reader of lines cut it."""
+    line = shlex.join(words)
+    if plain_text(line) != line or "\n" in line:
+        raise CampaignError(
+            f"The paths of campaign {shorten(words[-1])} have characters that are not shown ({shorten(line, 200)}), so "
+            "that its command cannot stand on a line; rename the folder."
+        )
+    return line
 
 
 @fleet.command("population")

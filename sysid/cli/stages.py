@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 #: Exit code after Ctrl-C, as shells give it: 128 and the number of the signal.
 INTERRUPTED = 130
+#: Signals that ask a process to end; Windows has the first alone.
+_POLITE = ("SIGTERM", "SIGHUP")
 #: Name of the report in the output folder.
 REPORT_FILE = "report.html"
 #: Files written aside that are listed by name.
@@ -300,17 +302,23 @@ class PlainConsole(Console):
 
 @contextmanager
 def termination_as_interrupt() -> Iterator[None]:
-    """A polite kill is treated like Ctrl-C: what is done is kept and the way to go on is said."""
+    """A polite kill, or a terminal that is closed, counts as Ctrl-C: what is done is kept, and the way to go on said.
+
+    Who starts the program under `nohup` wants it to go on without its terminal: what is ignored stays so.
+    """
 
     def interrupt(number: int, frame: object) -> None:
         raise KeyboardInterrupt
 
+    numbers = [n for n in (getattr(signal, name, None) for name in _POLITE) if n is not None]
+    numbers = [n for n in numbers if signal.getsignal(n) is not signal.SIG_IGN]
     try:
-        before = signal.signal(signal.SIGTERM, interrupt)
+        before = {number: signal.signal(number, interrupt) for number in numbers}
     except ValueError:  # not in the main thread
         yield
         return
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -116,7 +116,8 @@ def cluster_executor(address: str, patience_s: float = 0.0) -> Iterator[ClusterW
         try:
             client = Client(address, timeout="10s")
             break
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, TypeError) as error:
+            # The last where the address is one of TLS and there is no certificate.
             if time.monotonic() > end:
                 raise _no_scheduler(address, error, lost=patience_s > 0.0) from error
             time.sleep(1.0)
@@ -134,4 +135,5 @@ def _no_scheduler(address: str, error: Exception, lost: bool) -> OutputError:
             f"The Dask scheduler at {address} was lost and does not answer again; what is done is kept. Start it and "
             "give the same command."
         )
-    return OutputError(f"No Dask scheduler answers at {address} ({type(error).__name__}); check the address.")
+    what = "the address and the certificates of Dask" if address.startswith("tls:") else "the address"
+    return OutputError(f"No Dask scheduler answers at {address} ({type(error).__name__}); check {what}.")

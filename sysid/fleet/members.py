@@ -27,7 +27,8 @@ _STATUS = {
 class Member:
     """One campaign with results: truck, name, the folder that they are in, and their status as in ``result.json``.
 
-    `draws_sha256` is the hash of its draws, empty where it is not known.
+    `draws_sha256` is the hash of its draws, empty where it is not known.  On the numbers of a `doubtful` one nobody
+    should bet.
     """
 
     truck: str
@@ -35,6 +36,7 @@ class Member:
     output: Path
     status: str = ""
     draws_sha256: str = ""
+    doubtful: bool = False
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ def members(
             noted[_STATUS[row.outcome.status]].append(row.campaign)
         if row.missing:
             noted[_NOT_HERE].append(row.campaign)
-        found.append(Member(row.truck, row.campaign, folder, row.outcome.status, row.outcome.draws_sha256))
+        found.append(Member(row.truck, row.campaign, folder, row.outcome.status, row.outcome.draws_sha256, doubtful))
     remarks = [_left_out(names, why) for why, names in left_out.items()]
     remarks += [f"{count(len(names), 'campaign')} {what}: {listing(names)}" for what, names in noted.items() if names]
     return Members(kind, tuple(found), tuple(remarks))

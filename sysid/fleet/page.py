@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -160,7 +160,7 @@ def _type_part(p: TypePopulation, results: FleetResults, gallery: Gallery) -> Ty
         ),
         _maps(p, out, gallery),
         _shrinkage(p, out, gallery),
-        _truck_table(p, out),
+        _truck_table(p, out, {m.truck for m in results.doubtful}),
         _load_pictures(loads, gallery),
         _load_table(loads),
         (p.message, *p.remarks),
@@ -234,13 +234,13 @@ def _shrinkage(p: TypePopulation, out: set[tuple[int, int]], gallery: Gallery) -
     return [gallery.picture(draws, caption)]
 
 
-def _truck_table(p: TypePopulation, out: set[tuple[int, int]]) -> Table:
+def _truck_table(p: TypePopulation, out: set[tuple[int, int]], doubtful: Collection[str]) -> Table:
     head = ["truck", *(f"{n} [{shown_unit(u)[1]}]" for n, u in zip(p.names, p.units, strict=True))]
     rows = []
     for t, truck in enumerate(p.truck_names[:MOST_LISTED]):
         cells = [_cell(p.trucks, (t, i), p.units[i]) for i in range(len(p.names))]
         marked = [Cell(c.text, c.interval, "stands out") if (t, i) in out else c for i, c in enumerate(cells)]
-        rows.append([Cell(truck), *marked])
+        rows.append([Cell(truck, note="do not bet" if truck in doubtful else ""), *marked])
     return table("k and c of every truck, drawn towards the population; brackets are 90 % intervals", head, rows)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -22,34 +22,42 @@ SCHEMA = 1
 
 
 def population_document(
-    populations: Sequence[TypePopulation], loads: Sequence[PopulationLoad], remarks: Sequence[str]
+    populations: Sequence[TypePopulation],
+    loads: Sequence[PopulationLoad],
+    remarks: Sequence[str],
+    doubtful: Collection[str] = (),
 ) -> dict[str, Any]:
-    """The content of the file as plain Python objects."""
+    """The content of the file as plain Python objects; `doubtful` campaigns are those that nobody should bet on."""
     return {
         "schema": SCHEMA,
-        "types": [_type(p) for p in populations],
+        "types": [_type(p, frozenset(doubtful)) for p in populations],
         "loads": [asdict(load) for load in loads],
         "remarks": list(remarks),
     }
 
 
 def write_population(
-    populations: Sequence[TypePopulation], loads: Sequence[PopulationLoad], remarks: Sequence[str], output: Path
+    populations: Sequence[TypePopulation],
+    loads: Sequence[PopulationLoad],
+    remarks: Sequence[str],
+    output: Path,
+    doubtful: Collection[str] = (),
 ) -> Path:
-    """Write the file below `output`.
+    """Write the file below `output`, with campaigns marked that are `doubtful`.
 
     Raises
     ------
     OutputError
         If the folder cannot be written.
     """
-    text = json.dumps(population_document(populations, loads, remarks), indent=1, ensure_ascii=False, allow_nan=False)
+    document = population_document(populations, loads, remarks, doubtful)
+    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
     with writing_to(output):
         write_text(output / POPULATION_JSON, text + "\n")
     return output / POPULATION_JSON
 
 
-def _type(p: TypePopulation) -> dict[str, Any]:
+def _type(p: TypePopulation, doubtful: Collection[str]) -> dict[str, Any]:
     return {
         "type": p.type,
         "converged": p.converged,
@@ -81,7 +89,10 @@ def _type(p: TypePopulation) -> dict[str, Any]:
         ],
         "outliers": [asdict(o) for o in p.outliers],
         "shared": [{"name": n, "mean": mean, "sd": sd} for n, (mean, sd) in p.shared.items()],
-        "campaigns": [{"name": name, "pareto_k": _number(k)} for name, k in zip(p.campaigns, p.pareto_k, strict=True)],
+        "campaigns": [
+            {"name": name, "pareto_k": _number(k), "doubtful": name in doubtful}
+            for name, k in zip(p.campaigns, p.pareto_k, strict=True)
+        ],
         "correction": {"pareto_k": _number(p.correction_k), "applied": p.corrected},
     }
 

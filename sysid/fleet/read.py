@@ -18,7 +18,7 @@ from sysid.fleet.folders import CAMPAIGN_FILE, campaign_folders
 from sysid.fleet.records import Fleet, FleetCampaign, SharedError, Truck
 from sysid.fleet.schema import NAME_BYTES, FleetFile, SharedEntry, TruckEntry, is_of_names
 from sysid.logs.input_file import FileRefusedError, read_file
-from sysid.wording import finish, nearest, shorten
+from sysid.wording import finish, nearest, plain_line, shorten
 
 FLEET_FILE = "fleet.toml"
 
@@ -107,14 +107,15 @@ def _shared(entry: SharedEntry, names: list[str], label: str) -> SharedError:
     return SharedError(entry.name, entry.log_sd, moves, tuple(chosen), entry.in_intervals)
 
 
+def _seen(name: str) -> str:
+    """What a reader sees of a name: two that look alike in all tables are one."""
+    return unicodedata.normalize("NFC", plain_line(name))
+
+
 def _checked(fleet: Fleet, label: str) -> Fleet:
-    _check_names(label, "trucks have the name", (t.name for t in fleet.trucks))
+    _check_names(label, "trucks have the name", (_seen(t.name) for t in fleet.trucks))
     # Names that differ in case only are one folder on some systems.
-    _check_names(
-        label,
-        "campaigns have the name",
-        (unicodedata.normalize("NFC", c.name).casefold() for _, c in fleet.campaigns()),
-    )
+    _check_names(label, "campaigns have the name", (_seen(c.name).casefold() for _, c in fleet.campaigns()))
     _check_files(fleet, label)
     return fleet
 

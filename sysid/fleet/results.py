@@ -10,7 +10,7 @@ from sysid.cell_progress import watched_cell
 from sysid.errors import DataRejectedError
 from sysid.fleet.assembly import populations
 from sysid.fleet.loads import PopulationLoad, population_loads
-from sysid.fleet.members import members
+from sysid.fleet.members import Member, members
 from sysid.fleet.population import TypePopulation
 from sysid.fleet.population_file import write_population
 from sysid.fleet.read import read_fleet
@@ -25,7 +25,8 @@ from sysid.progress import Progress
 class FleetResults:
     """Populations of all types, axle loads, sentences about what to know of them, and the file that was written.
 
-    `rows` are all campaigns as they were when the populations were computed.
+    `rows` are all campaigns as they were when the populations were computed; `doubtful` those that count although
+    nobody should bet on their numbers.
     """
 
     fleet: Fleet
@@ -34,6 +35,7 @@ class FleetResults:
     remarks: tuple[str, ...]
     file: Path
     rows: tuple[Row, ...] = ()
+    doubtful: tuple[Member, ...] = ()
 
 
 def compute(
@@ -77,5 +79,6 @@ def compute(
         of_type, said = population_loads(p.type, of_types[p.type].campaigns)
         loads += of_type
         remarks += said
-    file = write_population(by_type, loads, remarks, output)
-    return FleetResults(fleet, tuple(by_type), tuple(loads), tuple(remarks), file, rows)
+    doubtful = tuple(m for of_type in of_types.values() for m in of_type.campaigns if m.doubtful)
+    file = write_population(by_type, loads, remarks, output, [m.campaign for m in doubtful])
+    return FleetResults(fleet, tuple(by_type), tuple(loads), tuple(remarks), file, rows, doubtful)

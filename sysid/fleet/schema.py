@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, StrictStr
 
 from sysid.campaign.toml.schema_fields import TEXT_LENGTH, Name, PathText, Table
+from sysid.wording import JOINERS
 
 #: Of the name of a folder; file systems take 255 in all, and names of files that are being written are longer.
 NAME_BYTES = 120
@@ -16,8 +17,8 @@ Quantity = Literal["stiffness", "damping", "tire_stiffness"]
 
 
 def is_of_names(character: str) -> bool:
-    """Whether a character may stand in the name of a campaign: letters with their marks and digits of any script."""
-    return character in "._-" or unicodedata.category(character)[0] in "LMN"
+    """Whether a character may stand in the name of a campaign: letters, marks, joiners and digits of any script."""
+    return character in f"._-{JOINERS}" or unicodedata.category(character)[0] in "LMN"
 
 
 def _folder_name(name: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -180,3 +181,53 @@ def test_a_scheduler_that_does_not_answer_is_one_sentence(tmp_path: Path) -> Non
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout.startswith("No Dask scheduler answers at tcp://127.0.0.1:9")
     assert OutputError.exit_code == 3
+
+
+#: A scheduler that takes encrypted connections by one certificate only, and what this program hears of it.
+ENCRYPTED = """
+import json, os, sys
+from sysid.errors import OutputError
+from sysid.fleet.executors import cluster_executor
+
+if __name__ == "__main__":
+    import dask
+    from distributed import LocalCluster
+    from distributed.security import Security
+    files = {f"tls_{who}_{what}": sys.argv[1 if what == "cert" else 2]
+             for who in ("client", "scheduler", "worker") for what in ("cert", "key")}
+    security = Security(tls_ca_file=sys.argv[1], require_encryption=True, **files)
+    with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, protocol="tls", security=security,
+                      dashboard_address=None) as cluster:
+        said = [cluster.scheduler_address.split(":")[0]]
+        for known in (True, False):
+            if not known:
+                dask.config.set({"distributed.comm.tls.ca-file": None, "distributed.comm.tls.client.cert": None})
+            try:
+                with cluster_executor(cluster.scheduler_address) as executor:
+                    said.append(executor.submit(abs, -3).result(30))
+            except OutputError as error:
+                said.append(str(error))
+    print(json.dumps(said))
+"""
+
+
+def test_a_scheduler_by_tls_needs_its_certificate(tmp_path: Path) -> None:
+    """As the page on fleets says: certificates by the variables of Dask."""
+    pytest.importorskip("distributed")
+    openssl = shutil.which("openssl")
+    if openssl is None:
+        pytest.skip("no openssl to make a certificate")
+    certificate, secret = tmp_path / "certificate.pem", tmp_path / "key.pem"
+    made = ["req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost"]
+    subprocess.run([openssl, *made, "-keyout", secret, "-out", certificate], check=True, capture_output=True)
+    names = {"CA_FILE": certificate, "CLIENT__CERT": certificate, "CLIENT__KEY": secret}
+    environment = os.environ | {f"DASK_DISTRIBUTED__COMM__TLS__{name}": str(file) for name, file in names.items()}
+    script = tmp_path / "script.py"
+    script.write_text(ENCRYPTED)
+    words = [sys.executable, str(script), str(certificate), str(secret)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False, env=environment)
+    assert done.returncode == 0, done.stderr[-2000:]
+    protocol, answer, refused = json.loads(done.stdout.splitlines()[-1])
+    assert (protocol, answer) == ("tls", 3)
+    assert refused.startswith("No Dask scheduler answers at tls://")
+    assert refused.endswith("check the address and the certificates of Dask.")

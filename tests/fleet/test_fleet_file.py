@@ -61,6 +61,7 @@ def test_a_fleet_is_what_its_file_says(tmp_path: Path) -> None:
     [
         ("schema = 1", "schema = 2", "schema"),
         ('name = "B"', 'name = "A 1"', "two trucks have the name 'A 1'"),
+        ('name = "B"', 'name = "A\\u200e 1"', "two trucks have the name 'A 1'"),
         ('name = "again"', 'name = "B"', "two campaigns have the name 'b'"),
         ('folder = "b"', 'folder = "a//may/.", name = "b"', "the campaigns 'a-may' and 'b' have one folder"),
         ("[[shared]]", SCALES + "[[shared]]", "two shared errors have the name 'scales'"),
@@ -224,6 +225,21 @@ def test_jobs_are_one_command_per_campaign_that_means_the_same(tmp_path: Path) -
     assert (parsed["quick"], parsed["seed"], parsed["workers"]) == (True, 3, 1)
 
 
+def test_jobs_name_their_folders_to_the_letter_or_say_that_they_cannot(tmp_path: Path) -> None:
+    """Persian words have joiners that are not seen; a mark of direction is no part of any word."""
+    folder = tmp_path / "\u0646\u0645\u06cc\u200c\u062f\u0627\u0646\u0645"
+    write(folder)
+    words = ["--output", str(tmp_path / "out")]
+    result = CliRunner().invoke(cli, ["fleet", "jobs", str(folder), *words])
+    assert [Path(shlex.split(line)[4]) for line in result.stdout.splitlines()] == [folder] * 3
+    for sign in ("\u202e", "\n", "\x1b[31m"):
+        folder.rename(folder := tmp_path / f"a{sign}b")
+        result = CliRunner().invoke(cli, ["fleet", "jobs", str(folder), *words])
+        assert (result.exit_code, result.stdout) == (2, "")
+        assert "rename the folder" in result.stderr
+        assert sign not in result.stderr.strip()
+
+
 def test_status_computes_nothing(tmp_path: Path) -> None:
     result = CliRunner().invoke(cli, ["fleet", "status", str(write(tmp_path / "f")), "--output", str(tmp_path / "out")])
     assert result.exit_code == 0
@@ -248,6 +264,9 @@ NAMES_OF_FOLDERS = (
     "貨車",
     "شاحنة",
     "गाड़ी",
+    "नमी\u200dकरण",
+    "نمی\u200cدانم",
+    "نمیدانم",
     "Łódź",
     "a b",
     "a-b",
@@ -264,7 +283,7 @@ def test_folders_of_any_script_give_a_file_that_can_be_read(tmp_path: Path, form
     (tmp_path / "fleet.toml").write_text(fleet_text(tmp_path)[0], encoding="utf-8")
     names = [c.name for _, c in read_fleet(tmp_path).campaigns()]
     assert len({n.casefold() for n in names}) == len(NAMES_OF_FOLDERS)
-    assert {"Грузовик-1", "Грузовик-2", "卡车", "貨車", "شاحنة", "Łódź"} <= set(names)
+    assert {"Грузовик-1", "Грузовик-2", "卡车", "貨車", "شاحنة", "Łódź", "نمی\u200cدانم"} <= set(names)
     assert all(len(n.encode()) <= 120 for n in names)
 
 

@@ -31,7 +31,7 @@ from sysid.fleet.outcome import read_outcome, write_outcome
 from sysid.fleet.page import render_fleet, write_fleet_page
 from sysid.fleet.read import read_fleet
 from sysid.fleet.records import SharedError
-from sysid.fleet.results import FleetResults
+from sysid.fleet.results import FleetResults, compute
 from sysid.fleet.running import campaign_output
 from sysid.fleet.status import rows_on_disk
 from sysid.fleet.tables import TABLES, campaign_rows
@@ -309,6 +309,23 @@ def test_a_campaign_on_which_nobody_should_bet_counts_only_if_asked_for(
     assert asked.remarks == (
         "3 campaigns on whose numbers nobody should bet; they count all the same: T1-1, T1-2 and T2-1",
     )
+
+
+def test_a_campaign_that_counts_although_nobody_should_bet_is_marked(
+    fleet_folders: tuple[Path, Path], tmp_path: Path
+) -> None:
+    """A remark names some of many; the file and the page mark all."""
+    forbidden = {"trust": "do_not_bet", "reasons": ["No."]}
+    names = {f"T{t}-{c}" for t in range(1, 6) for c in (1, 2)} - {"T2-2"}
+    output = judged_fleet(fleet_folders, tmp_path, dict.fromkeys(names, forbidden))
+    results = compute(fleet_folders[0], output, lambda *_: None, with_doubtful=True)
+    (kind,) = json.loads(results.file.read_text(encoding="utf-8"))["types"]
+    assert {c["name"] for c in kind["campaigns"] if c["doubtful"]} == names
+    assert len(kind["campaigns"]) == 12
+    page = LexborHTMLParser(render_fleet(results, results.rows))
+    (table,) = (t for t in page.css("table") if "drawn towards the population" in t.text())
+    marked = [row.css_first("th").text() for row in table.css("tbody tr")]
+    assert [("do not bet" in words, words[:2]) for words in marked] == [(t < 6, f"T{t}") for t in range(1, 7)]
 
 
 def test_a_result_that_was_edited_counts_nowhere(fleet_folders: tuple[Path, Path], tmp_path: Path) -> None:
