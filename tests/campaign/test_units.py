@@ -7,7 +7,17 @@ import re
 import pint
 import pytest
 
-from sysid.campaign.units import Dimension, length_in_m, si_factor, unit_names
+from sysid.campaign.units import (
+    Dimension,
+    contradiction,
+    is_other_quantity,
+    length_in_m,
+    recognised_unit,
+    si_factor,
+    unit_in_brackets,
+    unit_names,
+)
+from sysid.errors import CampaignError
 
 #: What pint calls the units whose names it reads otherwise: "g" would be gram.
 IN_PINT = {"g": "standard_gravity", "mg": "0.001 * standard_gravity"}
@@ -40,3 +50,60 @@ def test_factors_are_those_of_pint() -> None:
 )
 def test_a_length_is_told_from_other_units(written: str, metres: float | None) -> None:
     assert length_in_m(written) == metres
+
+
+@pytest.mark.parametrize(
+    ("written", "declared", "found"),
+    [
+        (None, "mm", None),
+        ("mm", "mm", None),
+        # Other spellings of one unit, and units that the program does not know.
+        ("Millimeter", "mm", None),
+        ("[m/s**2]", "m/s^2", None),
+        ("furlong", "mm", None),
+        # Another size of one quantity, another quantity that is known, and one that no sensor here measures.
+        ("cm", "mm", "cm"),
+        ("g", "m/s^2", "g"),
+        ("g", "mm", "g"),
+        ("Volt", "mm", "Volt"),
+    ],
+)
+def test_a_unit_in_a_file_contradicts_the_declared_one(written: str | None, declared: str, found: str | None) -> None:
+    assert contradiction(written, declared) == found
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("axle 1 [mm]", "mm"),
+        ("axle 1 (m/s^2) ", "m/s^2"),
+        ("a [g]", "g"),
+        ("a [m]", "m"),
+        # One letter may be a place; what stands before other words is no unit.
+        ("a [V]", None),
+        ("a [mm] left", None),
+        ("a", None),
+        ("a (of many more words than a unit has)", None),
+    ],
+)
+def test_what_stands_in_brackets_at_the_end_of_a_name_is_its_unit(name: str, unit: str | None) -> None:
+    assert unit_in_brackets(name) == unit
+
+
+def test_how_a_campaign_file_calls_the_unit_of_a_file() -> None:
+    assert recognised_unit("metres") == ("m", "length")
+    assert recognised_unit("gn") == ("g", "acceleration")
+    assert recognised_unit("kmh") is None
+    assert recognised_unit("kmh", ("speed",)) == ("km/h", "speed")
+    assert recognised_unit("deg/sec", ("angular rate",)) == ("deg/s", "angular rate")
+    assert recognised_unit("furlong") is None
+
+
+def test_other_quantities_are_known_by_their_units() -> None:
+    assert [w for w in ("V", "kPa", "Newton", "mm", "g", "") if is_other_quantity(w)] == ["V", "kPa", "Newton"]
+
+
+def test_a_unit_of_another_dimension_is_refused_with_what_is_near() -> None:
+    assert si_factor(" mm ", "length") == 1e-3
+    with pytest.raises(CampaignError, match="'m/s3' is not a unit of acceleration; did you mean 'm/s.'"):
+        si_factor("m/s3", "acceleration")
