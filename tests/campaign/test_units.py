@@ -9,11 +9,14 @@ import pytest
 
 from sysid.campaign.units import (
     Dimension,
+    angle_rad,
     contradiction,
     is_other_quantity,
     length_in_m,
+    pressure_pa,
     recognised_unit,
     si_factor,
+    speed_m_s,
     unit_in_brackets,
     unit_names,
 )
@@ -105,5 +108,11 @@ def test_other_quantities_are_known_by_their_units() -> None:
 
 def test_a_unit_of_another_dimension_is_refused_with_what_is_near() -> None:
     assert si_factor(" mm ", "length") == 1e-3
-    with pytest.raises(CampaignError, match="'m/s3' is not a unit of acceleration; did you mean 'm/s.'"):
+    with pytest.raises(CampaignError, match=r"'m/s3' is not a unit of acceleration; did you mean 'm/s.'"):
         si_factor("m/s3", "acceleration")
+
+
+def test_values_of_a_campaign_file_in_si() -> None:
+    assert speed_m_s(36.0) == pytest.approx(10.0)
+    assert angle_rad(180.0) == pytest.approx(3.14159265358979)
+    assert pressure_pa(800.0) == pytest.approx(8e5)
