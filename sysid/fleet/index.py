@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -20,6 +21,8 @@ from sysid.folder_lock import writing_to
 
 INDEX_FOLDER = "fleet.parquet"
 SCHEMA_FILE = "schema.json"
+#: In the metadata of every file: the same in all that were written together.  They are replaced one after the other.
+WRITTEN = "sysid_fleet_written"
 #: Campaigns in one part of a file: what is in memory at a time.
 _PART = 250
 
@@ -66,7 +69,7 @@ def _write(rows: Iterable[Row], folder: Path, output: Path) -> None:
         raise CampaignError(f"The tables of a fleet need pyarrow; {remedy}.") from error
     kinds = {"string": pa.string(), "double": pa.float64(), "int64": pa.int64(), "bool": pa.bool_()}
     kinds["list<double>"] = pa.list_(pa.float64())
-    about = {"sysid_fleet_schema": str(SCHEMA)}
+    about = {"sysid_fleet_schema": str(SCHEMA), WRITTEN: secrets.token_hex(8)}
     schemas = {
         table: pa.schema([(name, kinds[kind]) for name, (kind, _) in columns.items()], about)
         for table, columns in TABLES.items()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -167,3 +168,30 @@ def test_the_tables_are_the_old_ones_until_they_are_whole(
     assert {p.name: p.read_bytes() for p in tables.iterdir()} == before
     assert [p for p in output.iterdir() if p.name.startswith(".writing-")] == []
     assert pq.read_table(tables / "campaigns.parquet").num_rows == 12
+
+
+def test_tables_of_two_writings_can_be_told(
+    fleet: tuple[Path, Path, list[Step]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are replaced one by one: whoever reads in between finds that they do not belong together."""
+    pq = pytest.importorskip("pyarrow.parquet")
+    folder, output, steps = fleet
+    tables = index.write_index(read_fleet(folder), output)
+
+    def written() -> list[bytes]:
+        return [pq.read_schema(p).metadata[b"sysid_fleet_written"] for p in sorted(tables.glob("*.parquet"))]
+
+    before, between, replace_file = written(), [], os.replace
+
+    def watched(source: Path, target: Path, **where: int | None) -> None:
+        replace_file(source, target, **where)
+        if Path(target).suffix == ".parquet":
+            between.append(written())
+
+    for step in steps:
+        step()
+    monkeypatch.setattr(index.os, "replace", watched)
+    index.write_index(read_fleet(folder), output)
+    assert len(set(before)) == len(set(written())) == 1
+    assert set(before).isdisjoint(written())
+    assert [len(set(seen)) for seen in between] == [2] * (len(before) - 1) + [1]
