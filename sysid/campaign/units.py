@@ -117,10 +117,8 @@ _WORDS = {
     "kt": "knot",
     "kts": "knot",
     "dps": "deg/s",
-    "deg/sec": "deg/s",
     "degree/s": "deg/s",
     "degrees/s": "deg/s",
-    "rad/sec": "rad/s",
 }
 _AT_THE_END = re.compile(r"[\[(]\s*([^\[\]()]{2,20}?|[mg])\s*[\])]\s*$")
 _DECORATION = {"²": "^2", "**": "^", "·": "", " ": "", "µ": "u", "μ": "u", "sec": "s"}
