@@ -95,9 +95,11 @@ def test_a_score_test_is_the_fall_of_the_squares_by_one_more_column(equations):
 
 
 def test_what_moves_nothing_gains_nothing():
-    gain, step = NormalEquations(np.diag([4.0, 0.0]), np.array([2.0, 0.0]), np.ones(2)).score_tests()
-    assert gain.tolist() == [1.0, 0.0]
-    assert step.tolist() == [-0.5, 0.0]
+    equations = NormalEquations(np.diag([4.0, 0.0, 0.25]), np.array([2.0, 0.0, 0.5]), np.ones(3))
+    gain, step = equations.score_tests()
+    # What moves little gains by how far it goes.
+    assert gain.tolist() == [1.0, 0.0, 1.0]
+    assert step.tolist() == [-0.5, 0.0, -2.0]
     none = NormalEquations(np.zeros((2, 2)), np.zeros(2), np.ones(2)).along(np.ones((2, 1))).score_tests()
     assert [value.tolist() for value in none] == [[0.0], [0.0]]
 
