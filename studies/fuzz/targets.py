@@ -164,6 +164,14 @@ TARGETS: dict[str, Target] = {
                ("nptdms", f"{_FORMATS}.tdms"), in_child=True),
         Target("mat", "MAT 4 to 7.3", _log_seeds("mat4", "mat5", "mat_structure", "mat73"), _log_reader(".mat"),
                ("scipy.io", "h5py"), ("scipy.io", "h5py", f"{_FORMATS}.mat"), in_child=True),
+        Target("excel", "Excel", _log_seeds("xlsx"), _log_reader(".xlsx"), ("pandas",),
+               ("python_calamine", "pandas", f"{_FORMATS}.excel"), in_child=True),
+        Target("arrow", "Parquet and Feather", _log_seeds("parquet", "feather"), _log_reader(".parquet"), ("pyarrow",),
+               ("pyarrow.parquet", "pyarrow.feather", f"{_FORMATS}.arrow"), in_child=True),
+        Target("uff", "UFF 58", _log_seeds("uff58", "uff58b"), _log_reader(".uff"), ("pyuff",),
+               ("pyuff", f"{_FORMATS}.uff"), in_child=True),
+        Target("lvm", "LVM", _log_seeds("lvm"), _log_reader(".lvm"), ("lvm_read",), ("lvm_read", f"{_FORMATS}.lvm"),
+               in_child=True),
         Target("stages", "stage file", _stage_seeds, _stage_reader),
     )
 }  # fmt: skip

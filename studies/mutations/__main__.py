@@ -146,11 +146,16 @@ def difference(mutant: dict[str, Any]) -> str:
     return "\n".join(line for line in lines if not line.startswith(("---", "+++")))
 
 
-def table(records: list[dict[str, Any]]) -> str:
-    """Score by room."""
+def table(records: list[dict[str, Any]], page: str = "") -> str:
+    """Score by room; a room that was not tried now keeps its line of the page."""
+    place = page.partition("<!-- mutations: begin -->")[2].partition("<!-- mutations: end -->")[0]
+    earlier = {line.split(" | ")[0].strip("|` "): line for line in place.splitlines() if line.startswith("| `")}
     lines = ["| room | changes | tried | seen by a test | score |", "|---|---:|---:|---:|---:|"]
-    for room in dict.fromkeys(r["room"] for r in records):
+    for room in ROOMS:
         some = [r for r in records if r["room"] == room]
+        if not some:
+            lines += [earlier[room]] if room in earlier else []
+            continue
         seen = sum(not r["survives"] for r in some)
         lines.append(f"| `{room}` | {some[0]['of']:,} | {len(some)} | {seen} | {100.0 * seen / len(some):.0f} % |")
     return "\n".join(lines)
@@ -180,9 +185,10 @@ def main() -> None:
             with file.open("a", encoding="utf-8") as lines:
                 lines.write(json.dumps(record) + "\n")
     records = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
-    sys.stdout.write(table(records) + "\n")
+    page = "" if options.document is None else options.document.read_text(encoding="utf-8")
+    sys.stdout.write(table(records, page) + "\n")
     if options.document is not None:
-        write_between_marks(options.document, "mutations", table(records))
+        write_between_marks(options.document, "mutations", table(records, page))
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import subprocess
 import sys
@@ -38,6 +39,14 @@ def test_a_reader_reads_files_that_it_begins_with_and_refuses_others(name: str, 
     else:
         with pytest.raises(SysidError):
             read(tmp_path, b"nothing")
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_what_guides_the_fuzzer_is_there(name: str) -> None:
+    target = TARGETS[name]
+    for module in target.loaded:
+        importlib.import_module(module)
+    assert set(target.watched) <= {module.split(".")[0] for module in sys.modules} | {"scipy.io"}
 
 
 def test_a_finding_is_read_as_the_product_reads_it(tmp_path: Path) -> None:
