@@ -22,7 +22,7 @@ test: lint test-lowest
 test-long: $(VENV)/.dev
 	$(BIN)/python -m pytest -m long
 
-# An hour for every reader, two at a time: contents that are guided by the code that they reach. Nine hours of one core.
+# An hour for every reader, two at a time: contents that are guided by the code that they reach. Thirteen hours of one core.
 fuzz: $(VENV)/.dev
 	$(BIN)/pip install --quiet --disable-pip-version-check --editable ".[fuzz]"
 	$(BIN)/python -m studies.fuzz --output build/fuzz --document docs/evidence/robustness.md
