@@ -22,7 +22,7 @@ ROOT = Path(sysid.__file__).resolve().parent
 #: From the bottom up; packages on one level do not know each other.
 LEVELS = (
     {"errors", "limits", "version"},
-    {"arrays", "files", "helper_child", "private_files", "progress", "read_worker", "wording"},
+    {"arrays", "files", "helper_child", "known_results", "private_files", "progress", "read_worker", "wording"},
     {
         "array_file",
         "bounded_reader",

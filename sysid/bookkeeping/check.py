@@ -27,6 +27,7 @@ from sysid.campaign.passage.speed import believed_speed
 from sysid.campaign.records import Campaign, Scan
 from sysid.campaign.requests import beyond_runs
 from sysid.errors import DataRejectedError
+from sysid.known_results import KnownResults
 from sysid.road.road_profile import RoadProfile, ScanAnalysis
 from sysid.road.scan import analyse_scan
 
@@ -34,7 +35,10 @@ T = TypeVar("T")
 
 
 def check_bookkeeping(
-    campaign: Campaign, read: Campaign, analyse: Callable[[Scan], ScanAnalysis] = analyse_scan
+    campaign: Campaign,
+    read: Campaign,
+    analyse: Callable[[Scan], ScanAnalysis] = analyse_scan,
+    known: KnownResults | None = None,
 ) -> QualityReport:
     """Measured speeds, the scans' bumps, and sentences about what contradicts each other.
 
@@ -46,14 +50,17 @@ def check_bookkeeping(
         As read, for what the list says of all tests.
     analyse
         Analysis of a scan, for those who know it already.
+    known
+        What was found in logs before; what is found now is added.
 
     Returns
     -------
     QualityReport
         Without channels; `left_out` are the scans that cannot be used, `contradictions` what does not fit together.
     """
+    known = known or KnownResults()
     passages = {
-        run.log.file: find_passage(run.log.channels, campaign.vehicle, run.nominal_speed_m_s)
+        run.log.file: known.of(find_passage, run.log.channels, campaign.vehicle, run.nominal_speed_m_s)
         for run in campaign.bump_runs
     }
     speeds = tuple(

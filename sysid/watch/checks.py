@@ -16,6 +16,7 @@ from sysid.campaign.quality.check import check_quality
 from sysid.campaign.read import read_campaign
 from sysid.campaign.records import BumpRun, Campaign, Scan
 from sysid.errors import DataRejectedError, SysidError
+from sysid.known_results import KnownResults
 from sysid.road.point_cloud import read_point_cloud
 from sysid.road.profile_files import bump_from_file
 from sysid.road.road_profile import ScanAnalysis
@@ -128,19 +129,22 @@ class KnownScans:
         return analyse
 
 
-def check_day(campaign: Path, unfinished: bool, scans: KnownScans) -> DayCheck:
+def check_day(campaign: Path, unfinished: bool, scans: KnownScans, known: KnownResults | None = None) -> DayCheck:
     """Compare all logs of a campaign with each other, with its list and with its scans.
 
     Parameters
     ----------
     campaign : the campaign file; unfinished : whether values are missing, without which logs are not compared.
+    known : what was found in logs before; what is found now is added, and what was not needed is forgotten.
     """
+    known = known or KnownResults()
     if unfinished:
         return DayCheck()
     try:
         read = read_campaign(campaign, point_cloud_reader=read_point_cloud, profile_reader=bump_from_file)
-        cleaned, _ = check_quality(read)
-        report = check_bookkeeping(cleaned, read, scans.of(read))
+        cleaned, _ = check_quality(read, known)
+        report = check_bookkeeping(cleaned, read, scans.of(read), known)
+        known.forget_unused()
     except SysidError as error:
         return DayCheck(refused=str(error))
     repeats = unlike_repeats(cleaned.bump_runs)

@@ -19,6 +19,7 @@ from sysid.errors import CampaignError, SysidError
 from sysid.files import read_json, write_text
 from sysid.first_look import FirstLook, campaign_text, first_look
 from sysid.first_look.folder import opened
+from sysid.known_results import KnownResults
 from sysid.output_folder import output_folder
 from sysid.watch.background import Background, Task
 from sysid.watch.checks import DayCheck, KnownScans, LogCheck, alike, check_day, check_log
@@ -91,7 +92,7 @@ class TestDay:
         self._background = Background()
         self._estimates = estimates
         self._begins = begin
-        self._scans = KnownScans()
+        self._scans, self._found = KnownScans(), KnownResults()
         self._checked: dict[tuple[str, str, str], LogCheck] = {}
         self._landings: dict[str, Landing] = {}
         self._looked: tuple[frozenset[tuple[str, str]], FirstLook] | None = None
@@ -252,7 +253,7 @@ class TestDay:
             drop = listing(known.tables, set(there) - set(unusable))
             known = self._listing = replace(known, tables=drop.tables)
             write_text(self._file_so_far, tables_text(known.tables))
-        self._day = check_day(self._file_so_far, known.unfinished, self._scans)
+        self._day = check_day(self._file_so_far, known.unfinished, self._scans, self._found)
         if self._day.refused:
             self._say(self._day.refused)
         for sentence in self._day.sentences:

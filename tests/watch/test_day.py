@@ -35,7 +35,7 @@ class _Track:
 
     def __init__(self, root: Path, *names: str):
         self.folder, self.output = root / "logger", root / "out"
-        self.folder.mkdir()
+        self.folder.mkdir(parents=True)
         for name in names:
             self.land(name)
         self.begin()
@@ -211,6 +211,19 @@ def test_nothing_is_written_into_the_folder_of_the_logger(track: _Track) -> None
     assert sorted(p.name for p in track.folder.rglob("*")) == ["bump_runs", "campaign.toml", Path(RUNS[0]).name]
     with pytest.raises(CampaignError, match="lies in the folder of the logger"):
         TestDay(track.folder, track.folder / "out")
+
+
+def test_a_day_that_grew_says_what_one_look_says(tmp_path: Path) -> None:
+    """What was found in logs before counts for the same content alone: the second of two repeats becomes another."""
+    names, weaker = ("campaign.toml", "bump_scan.csv", *RUNS[:2]), _changed(RUNS[1], 0.6)
+    grown = _Track(tmp_path / "grown", *names)
+    assert {v.answer for v in grown.report().logs} == {"good"}
+    grown.land(RUNS[1], weaker)
+    at_once = _Track(tmp_path / "at_once", *names)
+    at_once.land(RUNS[1], weaker)
+    said = grown.verdict(RUNS[1]).reasons
+    assert said == at_once.verdict(RUNS[1]).reasons
+    assert any("another bump, another track over it" in reason for reason in said)
 
 
 @pytest.mark.long

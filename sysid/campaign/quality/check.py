@@ -20,9 +20,10 @@ from sysid.campaign.quality.bellows import with_bellows
 from sysid.campaign.quality.copies import copied_columns, copied_logs
 from sysid.campaign.quality.exchanges import Suspicion
 from sysid.campaign.quality.pitch_rates import pitch_rate_suspicions
-from sysid.campaign.quality.suspects import axles_shown_falling, suspicions
+from sysid.campaign.quality.suspects import axles_shown_falling, falling_in_run, suspicions
 from sysid.campaign.records import BumpRun, Campaign, Channel, Log, PlankDrop
 from sysid.campaign.vehicle_records import Vehicle
+from sysid.known_results import KnownResults
 from sysid.wording import say_once, shorten
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ class _ChannelCheck:
     rejected: bool = False
 
 
-def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
+def check_quality(campaign: Campaign, known: KnownResults | None = None) -> tuple[Campaign, QualityReport]:
     """Check every channel of every log.
 
     Clipped samples are marked as censored; dead spans and spikes become NaN. Channels that cannot be used (dead, noise
@@ -68,12 +69,14 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
     Parameters
     ----------
     campaign : as read; it is not changed.
+    known : what was found in logs before; what is found now is added.
 
     Returns
     -------
     campaign, report
         The cleaned campaign, and one finding per channel with its verdict: good, usable (and why) or rejected.
     """
+    known = known or KnownResults()
     findings: list[ChannelFinding] = []
     messages: list[str] = [*campaign.messages, *(c.caution for c in campaign.clocks if c.caution)]
     of_logs: list[tuple[str, str]] = []
@@ -82,17 +85,21 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
     drops: list[PlankDrop] = []
     runs: list[BumpRun] = []
     tests: tuple[PlankDrop | BumpRun, ...] = (*campaign.plank_drops, *campaign.bump_runs)
-    falling = axles_shown_falling([(r.log.channels, r.nominal_speed_m_s) for r in campaign.bump_runs], campaign.vehicle)
+    votes = [
+        known.of(falling_in_run, run.log.channels, campaign.vehicle, run.nominal_speed_m_s)
+        for run in campaign.bump_runs
+    ]
+    falling = axles_shown_falling(votes)
     for test in tests:
         speed = test.nominal_speed_m_s if isinstance(test, BumpRun) else None
-        log, found, said = _check_log(test.log, campaign.vehicle, speed, falling)
+        log, found, said = known.of(_check_log, test.log, campaign.vehicle, speed, falling)
         findings += found
         of_logs += [(log.file, message) for message in said]
         if not log.channels:
             of_logs.append((log.file, f"{log.file}: no channel can be used; the log is left out."))
         elif isinstance(test, BumpRun):
             run = replace(test, log=log)
-            complaint, hopeless = speed_complaint(run, campaign.vehicle) or ("", False)
+            complaint, hopeless = known.of(speed_complaint, run, campaign.vehicle) or ("", False)
             if complaint:
                 of_logs.append((log.file, complaint))
             if hopeless:
@@ -103,7 +110,7 @@ def check_quality(campaign: Campaign) -> tuple[Campaign, QualityReport]:
             drops.append(replace(test, log=log))
     drives = []
     for drive in campaign.road_drives:
-        log, found, said = _check_log(drive.log, campaign.vehicle, None, falling, at_rest=False)
+        log, found, said = known.of(_check_log, drive.log, campaign.vehicle, None, falling, False)
         findings += found
         of_logs += [(log.file, message) for message in said]
         if log.channels:

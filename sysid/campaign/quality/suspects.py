@@ -282,28 +282,36 @@ def _all_flipped(
         )
 
 
-def axles_shown_falling(runs: Sequence[tuple[Sequence[Channel], float]], vehicle: Vehicle) -> frozenset[int]:
+def axles_shown_falling(votes: Sequence[Mapping[int, bool]]) -> frozenset[int]:
     """Axles that fall where the bump lifts the others, in most runs: all their sensors have the wrong sign.
 
     Parameters
     ----------
-    runs : channels of every run and its listed speed [m/s].
+    votes : of every run, by :func:`falling_in_run`.
     """
-    votes: dict[int, list[bool]] = {}
-    for channels, listed_m_s in runs:
-        live = [c for c in channels if not defects.held_spans(parted(c)[0].value, c.sensor.full_scale)]
-        passage = find_passage(live, vehicle, listed_m_s)
-        # A speed far from the listed one means that places or units are wrong, and so distances on the bump are too.
-        if passage is None or abs(np.log(abs(passage.speed_m_s) / listed_m_s)) > _SPEED_RIGHT:
-            continue
-        off = passage.misplaced_m(vehicle)
-        largest = max(a.rise_m_s for a in passage.arrivals.values())
-        for axle, met in passage.arrivals.items():
-            if met.rise_m_s > 0.3 * largest and (met.certain or met.upward > 0):
-                # One that most runs show lifted elsewhere is at another place, and not upside down in the others.
-                votes.setdefault(axle, []).append(met.upward < 0 and abs(off[axle]) < _ON_TIME_M)
-    falling = [axle for axle, down in votes.items() if np.mean(down) > 0.6]
-    return frozenset(falling) if 2 * len(falling) <= len(votes) else frozenset()
+    of_axle: dict[int, list[bool]] = {}
+    for vote in votes:
+        for axle, down in vote.items():
+            of_axle.setdefault(axle, []).append(down)
+    falling = [axle for axle, down in of_axle.items() if np.mean(down) > 0.6]
+    return frozenset(falling) if 2 * len(falling) <= len(of_axle) else frozenset()
+
+
+def falling_in_run(channels: Sequence[Channel], vehicle: Vehicle, listed_m_s: float) -> dict[int, bool]:
+    """Whether axles fall where the bump lifts them, for those of which a run listed at this speed [m/s] shows it."""
+    live = [c for c in channels if not defects.held_spans(parted(c)[0].value, c.sensor.full_scale)]
+    passage = find_passage(live, vehicle, listed_m_s)
+    # A speed far from the listed one means that places or units are wrong, and so distances on the bump are too.
+    if passage is None or abs(np.log(abs(passage.speed_m_s) / listed_m_s)) > _SPEED_RIGHT:
+        return {}
+    off = passage.misplaced_m(vehicle)
+    largest = max(a.rise_m_s for a in passage.arrivals.values())
+    # One that most runs show lifted elsewhere is at another place, and not upside down in the others.
+    return {
+        axle: met.upward < 0 and abs(off[axle]) < _ON_TIME_M
+        for axle, met in passage.arrivals.items()
+        if met.rise_m_s > 0.3 * largest and (met.certain or met.upward > 0)
+    }
 
 
 def _axles_flipped(
