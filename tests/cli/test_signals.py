@@ -19,8 +19,9 @@ def do(screen, errors):
     time.sleep(float(sys.argv[2]))
     return 0
 
-if sys.argv[1] == "ignored":
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+# Whatever the tests themselves were started to ignore.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_IGN if sys.argv[1] == "ignored" else signal.SIG_DFL)
 before = [signal.getsignal(n) for n in (signal.SIGHUP, signal.SIGTERM)]
 code = guarded("test", "Stopped. It goes on.", do)
 assert before == [signal.getsignal(n) for n in (signal.SIGHUP, signal.SIGTERM)]
