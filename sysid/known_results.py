@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import PurePath
 from typing import TypeVar, cast
 
 import numpy as np
@@ -15,6 +16,9 @@ T = TypeVar("T")
 class KnownResults:
     """Results of pure functions: a day that grows by one log computes only what is new.
 
+    Their arguments hold records, collections, arrays of numbers, texts, numbers and paths. Of anything else the content
+    is not known, so that a result could be that of another: TypeError.
+
     What has not been asked for between two calls of :meth:`forget_unused` is forgotten, so that memory does not grow.
     """
 
@@ -23,7 +27,7 @@ class KnownResults:
         self._used: set[bytes] = set()
 
     def of(self, compute: Callable[..., T], *given: object) -> T:
-        """What a function returns for these arguments: records, texts, numbers, arrays, and collections of them."""
+        """What a function returns for these arguments; raises TypeError for those whose content is not known."""
         digest = hashlib.sha256(f"{compute.__module__}.{compute.__qualname__}".encode())
         for part in _content(given):
             digest.update(len(part).to_bytes(8, "little") + part)
@@ -41,7 +45,7 @@ class KnownResults:
 
 def _content(value: object) -> Iterator[bytes]:
     """All that a value holds, in a fixed order."""
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         yield f"{value.dtype.str} {value.shape}".encode()
         yield np.ascontiguousarray(value).tobytes()
     elif dataclasses.is_dataclass(value) and not isinstance(value, type):
@@ -59,5 +63,7 @@ def _content(value: object) -> Iterator[bytes]:
             yield from _content(inner)
     elif isinstance(value, set | frozenset):
         yield repr(sorted(map(repr, value))).encode()
-    else:
+    elif value is None or isinstance(value, str | bytes | bool | int | float | complex | np.generic | PurePath):
         yield f"{type(value).__name__} {value!r}".encode()
+    else:
+        raise TypeError(f"The content of {type(value).__name__} is not known.")

@@ -73,3 +73,10 @@ def test_what_was_not_asked_for_is_forgotten() -> None:
     made.known.forget_unused()
     made.of(_RECORD)
     assert made.calls == 2
+
+
+@pytest.mark.parametrize("unknown", [object(), np.array([object()], dtype=object)])
+def test_content_that_is_not_known_is_no_key(unknown: object) -> None:
+    """Their words hold a place in memory, which another object may have later."""
+    with pytest.raises(TypeError, match="not known"):
+        KnownResults().of(repr, unknown)

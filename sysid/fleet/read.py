@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import unicodedata
 from collections import Counter
 from collections.abc import Iterable
@@ -18,7 +19,7 @@ from sysid.fleet.folders import CAMPAIGN_FILE, campaign_folders
 from sysid.fleet.records import Fleet, FleetCampaign, SharedError, Truck
 from sysid.fleet.schema import NAME_BYTES, FleetFile, SharedEntry, TruckEntry, is_of_names
 from sysid.logs.input_file import FileRefusedError, read_file
-from sysid.wording import finish, nearest, plain_line, shorten
+from sysid.wording import JOINERS, finish, nearest, plain_line, shorten
 
 FLEET_FILE = "fleet.toml"
 
@@ -107,9 +108,13 @@ def _shared(entry: SharedEntry, names: list[str], label: str) -> SharedError:
     return SharedError(entry.name, entry.log_sd, moves, tuple(chosen), entry.in_intervals)
 
 
+#: Joiners beside a Latin letter, a digit or an end change nothing that a reader sees.
+_IDLE_JOINER = re.compile(rf"(?<![^\x00-\x7f])[{JOINERS}]|[{JOINERS}](?![^\x00-\x7f])")
+
+
 def _seen(name: str) -> str:
     """What a reader sees of a name: two that look alike in all tables are one."""
-    return unicodedata.normalize("NFC", plain_line(name))
+    return unicodedata.normalize("NFC", _IDLE_JOINER.sub("", plain_line(name)))
 
 
 def _checked(fleet: Fleet, label: str) -> Fleet:

@@ -62,6 +62,7 @@ def test_a_fleet_is_what_its_file_says(tmp_path: Path) -> None:
         ("schema = 1", "schema = 2", "schema"),
         ('name = "B"', 'name = "A 1"', "two trucks have the name 'A 1'"),
         ('name = "B"', 'name = "A\\u200e 1"', "two trucks have the name 'A 1'"),
+        ('name = "B"', 'name = "A 1\\u200d"', "two trucks have the name 'A 1'"),
         ('name = "again"', 'name = "B"', "two campaigns have the name 'b'"),
         ('folder = "b"', 'folder = "a//may/.", name = "b"', "the campaigns 'a-may' and 'b' have one folder"),
         ("[[shared]]", SCALES + "[[shared]]", "two shared errors have the name 'scales'"),
