@@ -15,6 +15,7 @@ from sysid.errors import CampaignError
 from sysid.estimation.fit.state import FitState
 from sysid.estimation.parameters.axle_laws import LawInputs, axle_laws, law_inputs
 from sysid.estimation.parameters.parameter_set import ParameterSet
+from sysid.estimation.residuals.rolling_runs import RollingRuns
 from sysid.prediction.assumed_stops import AssumedStops
 from sysid.prediction.bridge_loads import BridgeVehicles, predict_bridge
 from sysid.prediction.bump_edges import BumpEdges
@@ -34,7 +35,7 @@ from sysid.prediction.vehicle_draws import (
     vehicles_of,
 )
 from sysid.prediction.vehicle_groups import SLOW_M_S, hold_s
-from sysid.prediction.wheel_loads import wheel_loads
+from sysid.prediction.wheel_loads import rolling_pass, wheel_loads
 from sysid.progress import Progress, unwatched
 from sysid.road.named_shapes import named_shape
 from sysid.threads import side_by_side
@@ -76,7 +77,8 @@ class _Pass:
     """Histories (T, axles, S) of one pass, its static loads (axles,), and when each axle rings, (T, axles).
 
     `drawn_static_N` (axles, S) those of every draw, as the scale may have been wrong; `deflection_m` of the
-    suspensions, positive in extension; `sunk_m` of the tires as far as their springs carry; `motion` as of `wanted`.
+    suspensions, positive in extension; `sunk_m` of the tires as far as their springs carry;
+    `rolling` the mean truck of all draws, None where it is not known to roll.
     """
 
     time_s: Samples
@@ -88,8 +90,7 @@ class _Pass:
     drawn_static_N: np.ndarray
     passing: np.ndarray
     interval_s: float
-    wanted: Pass
-    motion: Motion
+    rolling: RollingRuns | None
 
     @property
     def rate_m_s(self) -> np.ndarray:
@@ -139,6 +140,7 @@ def _simulate(
     samples = int(np.ceil((lead + after) / interval_s))
     samples = next((length for length in lengths if length >= samples), samples)
     timing, motion = Timing(samples, interval_s, steps), Motion(np.full((1, 1), speed), np.full((1, 1), float(lead)))
+    rolling = None
     if vehicles is None:
         laws = law_inputs(campaign.vehicle, parameters, batch, [request.load_case])
         laws = laws if stops is None else stops.on(laws, 0)
@@ -148,9 +150,11 @@ def _simulate(
         suspension = suspension + batch.matrices.carried_load[0]
         drawn_static = batch.matrices.static_load[0]
     else:
+        rolling = rolling_pass(parameters, roads, wanted, motion, timing, sets.T, vehicles)
+        rise = None if rolling is None else rolling.planar.rise
         drawn = drawn or drawn_vehicles(batch, parameters, vehicles, wanted)
         tire, suspension, deflection, sunk, drawn_static = histories_of_draws(
-            drawn, batch.axle_x, sets.T, motion, timing, vehicles.contact_error
+            drawn, batch.axle_x, sets.T, motion, timing, vehicles.contact_error, rise
         )
     static = batch.matrices.static_load[0, :, 0]
     check_finite(request, parameters, sets, np.asarray(static), tire, suspension, deflection)
@@ -166,8 +170,7 @@ def _simulate(
         np.asarray(drawn_static),
         (time[:, None] >= (road.first_station_m + x) / speed) & (time[:, None] <= (last + x) / speed + AFTER_S),
         interval_s,
-        wanted,
-        motion,
+        rolling,
     )
 
 
@@ -216,10 +219,8 @@ def predict_pass(
     # Over the loads of each draw: where the scale was wrong, the truck at rest does not weigh what was read.
     together = float(np.median(p.tire_N.sum(axis=1).mean(axis=0) / p.drawn_static_N.sum(axis=0)))
     wheels = None
-    if vehicles is not None:
-        wheels = wheel_loads(
-            parameters, roads, p.wanted, p.motion, p.interval_s, sets, vehicles, p.tire_N, p.drawn_static_N
-        )
+    if vehicles is not None and p.rolling is not None:
+        wheels = wheel_loads(p.rolling, p.interval_s, vehicles, p.tire_N, p.drawn_static_N)
     return PassPrediction(
         load_case=request.load_case,
         speed_m_s=request.speed_m_s,

@@ -20,7 +20,7 @@ from sysid.prediction.assumed_stops import AssumedStops, assumed_stops
 from sysid.prediction.driven_range import spring_deflection
 from sysid.prediction.trust import DrivenRange
 from sysid.threads import side_by_side
-from sysid.vehicle_model.contact import EffectiveRoad, roads_side_by_side
+from sysid.vehicle_model.contact import EffectiveRoad, RoadRise, raised_along, roads_side_by_side
 from sysid.vehicle_model.device_arrays import HostOrDevice, ParametersBySets
 from sysid.vehicle_model.engine import Timing, WheelRoad, wheel_road
 from sysid.vehicle_model.motion import Motion
@@ -182,6 +182,7 @@ def histories_of_draws(
     motion: Motion,
     timing: Timing,
     contact_error: np.ndarray | None,
+    rise: RoadRise | None = None,
 ) -> tuple[np.ndarray, ...]:
     """Tire forces and suspension forces, static load included, [N], suspension and tire deflections [m] of n draws.
 
@@ -192,6 +193,7 @@ def histories_of_draws(
     drawn : the vehicles of all draws; axle_x : (na, 1) [m]; log_parameters : (n, p).
     motion : speed [m/s] and start [s] (1, 1).
     contact_error : (n, na), see :class:`VehicleDraws`.
+    rise : of one run, what its road has beside that of the vehicles, None for nothing.
     """
     count = log_parameters.shape[0]
     # Filled chunk by chunk: chunks that are joined in the end take twice the memory.
@@ -201,7 +203,11 @@ def histories_of_draws(
     def fill(make: MakesVehicles) -> None:
         some = make()
         speed, start_s = (np.tile(x, (some.chosen.size, 1)) for x in (motion.speed, motion.start_s))
-        road = wheel_road(some.matrices, some.road, axle_x, Motion(speed, start_s), timing)
+        met = some.road
+        if rise is not None:
+            height_m = np.repeat(rise.height_m, len(met.rise), axis=0)
+            met = raised_along(met, replace(rise, height_m=height_m))
+        road = wheel_road(some.matrices, met, axle_x, Motion(speed, start_s), timing)
         sets = log_parameters[some.chosen, :, None]
         found = histories_of_vehicles(some.matrices, some.laws, road, list(sets), timing)
         first, end = some.chosen[0], some.chosen[-1] + 1

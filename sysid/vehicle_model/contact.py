@@ -292,6 +292,45 @@ def raised(road: EffectiveRoad, first: int, rise_m: np.ndarray) -> EffectiveRoad
     return replace(road, rise=rise)
 
 
+#: Heights beside a road's own that are left out where the road has ended [m].
+LEAST_RISE_M = 1e-5
+
+
+@dataclass(frozen=True)
+class RoadRise:
+    """Heights that the roads of R runs have beside their own: `height_m` (R, na, m) at uniform `station_m` (m,)."""
+
+    station_m: np.ndarray
+    height_m: np.ndarray
+
+
+def raised_along(road: EffectiveRoad, rise: RoadRise) -> EffectiveRoad:
+    """The road with further heights, linear between their stations, zero beyond.
+
+    It is made as long as they are larger than :data:`LEAST_RISE_M`.
+    """
+    own, step = road.station_m, road.step_m
+    there = np.flatnonzero(np.abs(rise.height_m).max(axis=(0, 1)) > LEAST_RISE_M)
+    first, last = (rise.station_m[there[k]] if there.size else own[k] for k in (0, -1))
+    before = max(0, int(np.ceil((own[0] - first) / step - 1e-9)))
+    behind = max(0, int(np.ceil((last - own[-1]) / step - 1e-9)))
+
+    def longer(table: np.ndarray) -> np.ndarray:
+        return np.pad(table, [(0, 0)] * (table.ndim - 1) + [(before, behind)])
+
+    road = replace(
+        road,
+        rise=longer(road.rise),
+        first_station_m=road.first_station_m - before * step,
+        stretch=None if road.stretch is None else longer(road.stretch),
+        drag=None if road.drag is None else longer(road.drag),
+    )
+    heights = np.apply_along_axis(
+        lambda h: np.interp(road.station_m, rise.station_m, h, left=0.0, right=0.0), -1, rise.height_m
+    )
+    return raised(road, 0, heights)
+
+
 def roads_side_by_side(roads: Sequence[EffectiveRoad]) -> EffectiveRoad:
     """The roads of K models as one, on the stations of the first; the K roads of a run follow each other."""
 

@@ -116,6 +116,7 @@ class EffectiveRoads:
     def _forget(self) -> None:
         self._table = lru_cache(maxsize=None)(self._make_table)
         self._maps = lru_cache(maxsize=None)(self._make_maps)
+        self._sides = lru_cache(maxsize=None)(self._make_side)
 
     def _make_table(self, bump: str, radius_m: float) -> SpokeTable:
         return spoke_table(self.profiles[bump], radius_m, exponent=self.tires.spoke_exponent)
@@ -153,6 +154,23 @@ class EffectiveRoads:
         other.tires = replace(self.tires, paths=paths)
         other._forget()
         return other
+
+    def of_side(self, side: float) -> EffectiveRoads:
+        """What the wheels feel of the left track alone (1), of the right one (-1), or of their mean (0).
+
+        Footprint maps are those about rest; a bump without sides is the same for all.
+        """
+        return self._sides(side)
+
+    def _make_side(self, side: float) -> EffectiveRoads:
+        def of(profile: RoadProfile) -> RoadProfile:
+            if not side or profile.sides is None:
+                return profile
+            return replace(profile, height_m=profile.sides.left_m if side > 0.0 else profile.sides.right_m, sides=None)
+
+        profiles = {name: of(profile) for name, profile in self.profiles.items()}
+        tires = replace(self.tires, paths={})
+        return EffectiveRoads(self.vehicle, self.load_cases, profiles, self.contact, tires)
 
     def off_springs(self, driven: Pass) -> float:
         """Largest error of a tire's load in a pass against its radial springs, in shares of the load at rest [-]."""

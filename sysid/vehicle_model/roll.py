@@ -150,12 +150,13 @@ class TiresBySide:
     """Tires of both sides about the planar motion of their axle.
 
     With y the half track, d the difference of the road under both sides and e the deflection of the mean, the sides are
-    deflected by e + a and e - a, a = d / 2 - y phi. Each has half of the axle's force F(e) = F_ref (e / u_ref)^n, and
-    half of its damping (:func:`sysid.vehicle_model.contact.contact_damping`); none pulls.
+    deflected by e + a and e - a, a = d / 2 - g y phi; g is 1 on a flat road. Each has half of the axle's force F(e) =
+    F_ref (e / u_ref)^n, and half of its damping (:func:`sysid.vehicle_model.contact.contact_damping`); none pulls.
 
     - `half_track_m` (na,): y; `exponent`: n;
     - `deflection`, `rate` (T, na, R): e [m], below 0 where the axle is off the road, and its rate [m/s];
     - `difference`, `difference_rate` (T, na, R): d [m] and its rate [m/s];
+    - `gain` (T, na, R): g, by how much the deflection grows with the lowering of the wheel over the bump;
     - `reference_load`, `reference_deflection`, `damping`, `growth` (na,): F_ref [N], u_ref [m], damping at u_ref
       [N s/m], and g, 1 where it grows with the length of contact.
     """
@@ -166,6 +167,7 @@ class TiresBySide:
     rate: np.ndarray
     difference: np.ndarray
     difference_rate: np.ndarray
+    gain: np.ndarray
     reference_load: np.ndarray
     reference_deflection: np.ndarray
     damping: np.ndarray
@@ -173,11 +175,12 @@ class TiresBySide:
 
     def forces(self, at: int | slice, angle: np.ndarray, turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces [N] of left and right tires at one sample or several, for roll of the axles (..., na, R, Q)."""
-        half = self.half_track_m[:, None, None]
-        apart = 0.5 * self.difference[at][..., None] - half * angle
-        moving = 0.5 * self.difference_rate[at][..., None] - half * turning
+        lever = (self.half_track_m[:, None] * self.gain[at])[..., None]
+        apart = 0.5 * self.difference[at][..., None] - lever * angle
+        moving = 0.5 * self.difference_rate[at][..., None] - lever * turning
         mean, rate = self.deflection[at][..., None], self.rate[at][..., None]
-        return self._force(mean + apart, rate + moving), self._force(mean - apart, rate - moving)
+        left, right = self._force(np.array([mean + apart, mean - apart]), np.array([rate + moving, rate - moving]))
+        return left, right
 
     def moment(self, at: int, angle: np.ndarray, turning: np.ndarray, system: RollSystem) -> np.ndarray:
         """Moment (na, R, Q) [N m] on the axles at a sample; twin tires resist roll a little more than one between."""
@@ -201,7 +204,7 @@ class TiresBySide:
 
     def slopes(self, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness [N/m] and damping [N s/m] of the tires (T, na, R) along a course of the roll of the axles."""
-        apart = 0.5 * self.difference - self.half_track_m[:, None] * angle
+        apart = 0.5 * self.difference - self.half_track_m[:, None] * self.gain * angle
         stiffness, damping = np.zeros_like(apart), np.zeros_like(apart)
         tangent = self.exponent * self.reference_load / self.reference_deflection
         for deflection in (self.deflection + apart, self.deflection - apart):

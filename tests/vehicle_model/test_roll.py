@@ -78,6 +78,7 @@ def test_wheels_of_either_side_push_as_in_three_dimensions() -> None:
         rate=np.zeros_like(deflection),
         difference=(heights[..., 0] - heights[..., 1])[..., None],
         difference_rate=np.zeros_like(deflection),
+        gain=np.ones_like(deflection),
         reference_load=preload * kt,
         reference_deflection=np.full(2, preload),
         damping=np.zeros(2),
@@ -145,7 +146,9 @@ def test_each_side_leaves_the_road_and_lands_on_its_own(growth: float) -> None:
     courses = [np.array([f(t) for t in TIME_S])[..., None] for f in (
         deflection, lambda t: slope(deflection, t), difference, lambda t: slope(difference, t))]  # fmt: skip
     half = np.array(truck.tire_y)
-    tires = TiresBySide(half, exponent, *courses, load, reference, np.array(truck.ct), np.full(2, growth))
+    tires = TiresBySide(
+        half, exponent, *courses, np.ones_like(courses[0]), load, reference, np.array(truck.ct), np.full(2, growth)
+    )
     made = roll_motion(system, STEP_S, np.zeros((TIME_S.size, 3, 1, 1)), tires)
 
     def force(pressed: np.ndarray, rate: np.ndarray) -> np.ndarray:

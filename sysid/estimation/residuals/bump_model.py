@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
@@ -19,7 +19,7 @@ from sysid.estimation.residuals.run_motion import motion_prior
 from sysid.road.contact_laws import ContactLaw
 from sysid.road.road_profile import RoadProfile
 from sysid.runtime import require_64_bit
-from sysid.vehicle_model.contact import EffectiveRoad
+from sysid.vehicle_model.contact import EffectiveRoad, RoadRise, raised_along
 from sysid.vehicle_model.device_arrays import HostOrDevice
 from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.filters import FilterRecursion, discretise
@@ -105,7 +105,8 @@ class BumpModel:
     - `felt`: effective road of the wheels at every bump, by the contact law;
     - `tires` are those that footprint maps were made for, None for the declared ones;
     - `target_step_s`: the largest integration step [s];
-    - `sides`: amounts by which left and right differ from usual, by kind, place, load case, and bump or column.
+    - `sides`: amounts by which left and right differ from usual, by kind, place, load case, and bump or column;
+    - `rises`: what tires of unlike sides add to the mean road of every group, which `roads` have; none without roll.
     """
 
     parameters: ParameterSet
@@ -120,6 +121,13 @@ class BumpModel:
     target_step_s: float
     tires: MapTires | None = None
     sides: tuple[tuple[SideKey, float], ...] = ()
+    rises: tuple[RoadRise, ...] = ()
+
+    def on_roads(self, roads: Sequence[EffectiveRoad]) -> BumpModel:
+        """The same runs on other roads, which are raised as those of the model."""
+        if self.rises:
+            roads = [raised_along(*pair) for pair in zip(roads, self.rises, strict=True)]
+        return replace(self, roads=tuple(roads))
 
     def with_substeps(self, factor: int) -> BumpModel:
         """The same model with every sample interval cut into `factor` times as many steps."""
@@ -137,6 +145,7 @@ class BumpModel:
             batches=self.batches[one],
             shapes=self.shapes[one],
             passes=self.passes[one],
+            rises=self.rises[one],
         )
 
     def with_vehicle(self, vehicle: Vehicle, load_cases: Mapping[str, LoadCase]) -> BumpModel:

@@ -29,9 +29,8 @@ from sysid.estimation.residuals.side_unknowns import (
     TIRE_SIDE,
     SideUnknown,
 )
-from sysid.road.enveloping import effective_profile, spoke_table
 from sysid.vehicle_model import engine
-from sysid.vehicle_model.contact import EffectiveRoad, TireLaw, contact_damping
+from sysid.vehicle_model.contact import EffectiveRoad, RoadRise, TireLaw, contact_damping, raised_along
 from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.passes import EffectiveRoads, Pass
 from sysid.vehicle_model.roll import (
@@ -58,6 +57,10 @@ _AUXILIARY = 1.8
 _HITCH = 1e6
 #: Step of the derivatives, as a share of a unit.
 _SMALL = 1e-3
+#: Half of the lowering of a wheel over which a difference is a derivative [m].
+_SUNK_M = 1e-4
+#: Half of the turn of a bump over which a difference is a derivative [rad].
+_TURN_RAD = 1e-4
 
 
 @dataclass(frozen=True)
@@ -65,15 +68,18 @@ class PlanarRuns:
     """Runs of which some, all of one load case, roll.
 
     - `passes` of all R runs, `rows` those that roll;
-    - `felt`: effective roads of the wheels, with the vehicle and its load cases;
+    - `felt`: effective roads of the wheels, with the vehicle and its load cases; `tracks`: those whose footprint maps
+      of either side are used;
     - `matrices`, `road`, `laws` of the R runs, `axle_x` (na, 1) [m], `motion` of the R runs;
     - `timing`: samples of the roll and their interval, with the integration steps of the planar motion between them;
-    - `sides`: amounts by which left and right differ from usual.
+    - `sides`: amounts by which left and right differ from usual;
+    - `rise`: of the R runs, what unlike sides add to `road`, which has it; None for nothing.
     """
 
     passes: Sequence[Pass]
     rows: np.ndarray
     felt: EffectiveRoads
+    tracks: EffectiveRoads
     matrices: StackedMatrices
     road: EffectiveRoad
     laws: LawInputs
@@ -81,23 +87,24 @@ class PlanarRuns:
     motion: RunMotion
     timing: Timing
     sides: tuple[tuple[SideKey, float], ...]
+    rise: RoadRise | None = None
 
 
 class RollingRuns:
-    """Roll of runs of one load case about their planar motion.
+    """Roll of runs of one load case about their `planar` motion.
 
-    - `system`: their :class:`~sysid.vehicle_model.roll.RollSystem`;
+    - `step_s`: between the samples of the roll [s]; `system`: their :class:`~sysid.vehicle_model.roll.RollSystem`;
     - `base`: their roll with the amounts of `sides`, one course.
     """
 
     def __init__(self, planar: PlanarRuns, log_parameters: Parameters):
-        self._planar, self._rows = planar, planar.rows
+        self.planar, self._rows = planar, planar.rows
         passes = planar.passes
         self._vehicle = vehicle = planar.felt.vehicle
         self._sides = dict(planar.sides)
         self._passes = [passes[r] for r in planar.rows]
-        self._step = planar.timing.interval_s
-        self._time = self._step * np.arange(planar.timing.samples)
+        self.step_s = planar.timing.interval_s
+        self._time = self.step_s * np.arange(planar.timing.samples)
         self._case = case = planar.felt.load_cases[self._passes[0].load_case]
         self._across = [across_axle(a) for a in vehicle.axles]
         self._half = np.array([0.5 * a.track_m for a in self._across])
@@ -164,15 +171,22 @@ class RollingRuns:
         )
         # (T, na, R)
         self._station = travelled[:, None, :] - planar.axle_x
-        difference = self._road(by_skew=False)
+        body = np.asarray(found.body)[..., 0][:, rows]
+        # (T, na, R) rise of the wheels in the planar motion.
+        self._height = (
+            np.einsum("rib,trb->tir", planar.matrices.position[rows][:, : self._half.size], body) - self._extension
+        )
+        self._rest = rest
+        difference = self._pressed(1.0) - self._pressed(-1.0)
         deflection = self._mean_deflection(found, tire, course)
         self._tires = TiresBySide(
             half_track_m=self._half,
             exponent=exponent,
             deflection=deflection,
-            rate=np.gradient(deflection, self._step, axis=0),
+            rate=np.gradient(deflection, self.step_s, axis=0),
             difference=difference,
-            difference_rate=np.gradient(difference, self._step, axis=0),
+            difference_rate=np.gradient(difference, self.step_s, axis=0),
+            gain=self._gain(),
             reference_load=in_roll * of_rows(tire.reference_load)[0],
             reference_deflection=of_rows(tire.reference_deflection)[0],
             damping=in_roll * of_rows(tire.damping)[0],
@@ -187,7 +201,7 @@ class RollingRuns:
                 self._extension,
             )
         self._given = self._moments_of_sides()[..., None]
-        self.base = roll_motion(self.system, self._step, self._given, self._tires, self._friction)
+        self.base = roll_motion(self.system, self.step_s, self._given, self._tires, self._friction)
         self._slopes = self._tires.slopes(self.base.angle[:, self.system.axles, :, 0])
 
     def _sideways(self, static_N: np.ndarray, motion: RunMotion) -> Sideways:
@@ -213,59 +227,131 @@ class RollingRuns:
         """What the amounts make of a quantity, over its usual value."""
         return float(np.exp(self._amount(kind, place, load_case, of)))
 
-    def _road(self, by_skew: bool) -> np.ndarray:
-        """Difference of the road under left and right wheels (T, na, R) [m], or its derivative by the skew."""
-        felt, first = self._planar.felt, next(iter(self._planar.felt.load_cases.values()))
-        gravity, result = self._vehicle.gravity_m_s2, np.zeros_like(self._station)
-        total = np.zeros_like(result)
+    def _pressed(self, side: float, turn: float = 0.0, sunk_m: float = 0.0) -> np.ndarray:
+        """Deflection u_0 + v + alpha(v) of the tires of a side (T, na, R) [m], if the axles did not roll.
+
+        As :mod:`sysid.vehicle_model.contact` has it, with the footprint maps of the side's own track: 1 for the left
+        one, -1 for the right one, 0 for the mean of both. The bump is turned by `turn` [rad] more, and the wheels are
+        lower by `sunk_m`.
+        """
+        felt = self.planar.tracks.of_side(side)
+        result = np.zeros_like(self._station)
         for r, driven in enumerate(self._passes):
-            profile = felt.profiles[driven.bump]
-            sides = profile.sides
+            sides = self.planar.felt.profiles[driven.bump].sides
             assert sides is not None
-            turned = self._amount(SKEW, 0, None, driven.bump)
-            for i, axle in enumerate(self._vehicle.axles):
-                for sign, heights in ((1.0, sides.left_m), (-1.0, sides.right_m)):
-                    table = spoke_table(replace(profile, height_m=heights, sides=None), axle.tire_radius_m)
-                    load, reference = (c.axle_loads_kg[i] * gravity for c in (self._case, first))
-                    station, rise = effective_profile(table, load, reference, axle.tire_stiffness_N_per_m)
-                    ahead = (self._half[i] - sides.at_m) * np.tan(sides.skew_rad) + self._half[i] * turned
-                    at = self._station[:, i, r] + sign * ahead
-                    inside = (at > station[0]) & (at < station[-1])
-                    course = CubicSpline(station, rise)
-                    height = course(at[inside])
-                    result[inside, i, r] += course(at[inside], 1) * self._half[i] if by_skew else sign * height
-                    total[inside, i, r] += height
-        self._sum_of_road = total
+            turned = self._amount(SKEW, 0, None, driven.bump) + turn
+            for i, tire in enumerate(felt.maps(driven.load_case, driven.bump)):
+                ahead = (self._half[i] - sides.at_m) * np.tan(sides.skew_rad) + self._half[i] * turned
+                at = self._station[:, i, r] + side * ahead
+                inside = (at > tire.station_m[0]) & (at < tire.station_m[-1])
+                rows = CubicSpline(tire.station_m, np.stack([tire.rise_m, *tire.stretch, tire.lift_m]), axis=1)
+                table = np.zeros((5, at.size))
+                table[:, inside] = rows(at[inside])
+                rise, *stretch, lift = table
+                below = rise - self._height[:, i, r] + sunk_m
+                v = np.maximum(below, lift - self._rest[i])
+                result[:, i, r] = self._rest[i] + below + v * (stretch[0] + v * (stretch[1] + v * stretch[2]))
         return np.asarray(result)
+
+    def _gain(self, turn: float = 0.0) -> np.ndarray:
+        """Derivative of the deflection by the lowering of the wheel, mean of both sides (T, na, R)."""
+        lower, upper = (self._pressed(1.0, turn, z) + self._pressed(-1.0, turn, z) for z in (_SUNK_M, -_SUNK_M))
+        return np.asarray((lower - upper) / (4.0 * _SUNK_M))
+
+    def _difference_by_skew(self) -> np.ndarray:
+        """Derivative of the difference of left and right by the turn of the bump (T, na, R) [m], with the roll."""
+        left, right = (self._pressed(side, _TURN_RAD) - self._pressed(side, -_TURN_RAD) for side in (1.0, -1.0))
+        gain = self._gain(_TURN_RAD) - self._gain(-_TURN_RAD)
+        rolled = self._half[:, None] * self.base.angle[:, self.system.axles, :, 0]
+        return np.asarray((left - right - 2.0 * gain * rolled) / (2.0 * _TURN_RAD))
 
     def _mean_deflection(self, found: Histories, tire: TireLaw, course: Callable[[object], np.ndarray]) -> np.ndarray:
         """Deflection e (T, na, R) of the tires in the planar motion, below 0 by the gap where they are off the road."""
-        planar, rows, axles = self._planar, self._rows, len(self._vehicle.axles)
+        rows, axles = self._rows, len(self._vehicle.axles)
         exponent = float(np.asarray(tire.exponent).reshape(-1)[0])
 
         def of_rows(values: object) -> np.ndarray:
             """(na, R) of the rows."""
-            shape = (planar.axle_x.shape[0], len(rows))
-            full = np.broadcast_to(np.asarray(values), (len(planar.passes), axles, 1))
-            return np.asarray(full[rows, :, 0].T.reshape(shape))
+            full = np.broadcast_to(np.asarray(values), (len(self.planar.passes), axles, 1))
+            return np.asarray(full[rows, :, 0].T)
 
-        reference = of_rows(tire.reference_deflection)
         force = course(found.tire_force)
-        pressed = reference * (np.maximum(force, 0.0) / of_rows(tire.reference_load)) ** (1.0 / exponent)
-        body = np.asarray(found.body)[..., 0][:, rows]
-        above = np.einsum("rib,trb->tir", planar.matrices.position[rows][:, :axles], body)
-        height = above - self._extension
-        gap = of_rows(tire.static_deflection) + self._mean_road() - height
-        return np.asarray(np.where(force > 0.0, pressed, np.minimum(gap, 0.0)))
+        share = np.maximum(force, 0.0) / of_rows(tire.reference_load)
+        pressed = of_rows(tire.reference_deflection) * share ** (1.0 / exponent)
+        # On a road that is raised for them, both sides together are pressed in by as much more than their mean.
+        pressed -= self._rise()
+        return np.asarray(np.where(force > 0.0, pressed, np.minimum(self._pressed(0.0), 0.0)))
 
-    def _mean_road(self) -> np.ndarray:
-        """Mean of the road under left and right wheels (T, na, R) [m]."""
-        return np.asarray(0.5 * self._sum_of_road)
+    def _rise(self) -> np.ndarray:
+        """What the road of the planar motion has beside its own height under the wheels (T, na, R) [m]."""
+        total, rise = np.zeros_like(self._station), self.planar.rise
+        if rise is not None:
+            for r, run in enumerate(self._rows):
+                for i, heights in enumerate(rise.height_m[run]):
+                    total[:, i, r] = np.interp(self._station[:, i, r], rise.station_m, heights, left=0.0, right=0.0)
+        return np.asarray(total)
+
+    def raised(self) -> PlanarRuns:
+        """The planar runs, of which all roll, on a road with the :meth:`rise` of their wheels."""
+        own, step = self.planar.road.station_m, self.planar.road.step_m
+        station = own[0] + step * np.arange(max(own.size, int((self._station.max() - own[0]) / step)))
+        rise = RoadRise(station, self.rise(station))
+        return replace(self.planar, road=raised_along(self.planar.road, rise), rise=rise)
+
+    def rise(self, station_m: np.ndarray) -> np.ndarray:
+        """What the mean road must have more for the force of both sides, at stations (m,): (R, na, m) [m].
+
+            F((e + rise) / u_ref) = (1 + s) F((e + a) / u_ref) / 2 + (1 - s) F((e - a) / u_ref) / 2
+
+        with the deflections e + a and e - a of the sides and what the left tires have more, s. It is a where one side
+        is off the road: the other one carries.
+        """
+        return self._at_stations(self._risen(self._apart), station_m)
+
+    def rise_columns(self, station_m: np.ndarray, unknowns: Sequence[SideUnknown], moved: RollMotion) -> np.ndarray:
+        """Derivatives (q, R, na, m) of :meth:`rise` by unknowns, whose roll is `moved`."""
+        base = self._risen(self._apart)
+        columns = np.zeros((len(unknowns), len(self._rows), self._half.size, station_m.size))
+        for j, u in enumerate(unknowns):
+            apart = -self._half[:, None] * self._tires.gain * moved.angle[:, self.system.axles, :, j]
+            if u.kind == SKEW:
+                apart += 0.5 * self._difference_by_skew() * np.array([p.bump == u.of for p in self._passes])
+            step = _SMALL * u.sd
+            columns[j] = self._at_stations((self._risen(self._apart + step * apart) - base) / step, station_m)
+        return columns
+
+    @property
+    def _apart(self) -> np.ndarray:
+        """By how much the tires of the left side are pressed in more than the mean (T, na, R) [m]."""
+        angle = self.base.angle[:, self.system.axles, :, 0]
+        return np.asarray(0.5 * self._tires.difference - self._half[:, None] * self._tires.gain * angle)
+
+    def _risen(self, apart: np.ndarray) -> np.ndarray:
+        """The rise of the mean road where sides are apart by as much (T, na, R) [m]."""
+        tires, exponent = self._tires, self._tires.exponent
+        more = np.array([self._amount(TIRE_SIDE, i) for i in range(self._half.size)])[:, None]
+        reference = tires.reference_deflection[:, None]
+        left, right = (
+            np.maximum((tires.deflection + sign * apart) / reference, 0.0) ** exponent for sign in (1.0, -1.0)
+        )
+        force = 0.5 * ((1.0 + more) * left + (1.0 - more) * right)
+        # In the air it is as when the first wheel lands.
+        together = np.where(force > 0.0, reference * force ** (1.0 / exponent), tires.deflection + np.abs(apart))
+        return np.asarray(together - tires.deflection)
+
+    def _at_stations(self, of_wheels: np.ndarray, station_m: np.ndarray) -> np.ndarray:
+        """Courses of the wheels (T, na, R) along the road, at stations (m,): (R, na, m), zero where they were not."""
+        found = np.zeros((len(self._rows), self._half.size, station_m.size))
+        for r in range(len(self._rows)):
+            for i in range(self._half.size):
+                at = self._station[:, i, r]
+                found[r, i] = np.interp(station_m, at, of_wheels[:, i, r], left=0.0, right=0.0)
+        return found
 
     def _of_tires(self, difference: np.ndarray) -> np.ndarray:
         """Moment (T, na, R) on the axles from a small difference of the road under both sides."""
         stiffness, damping = self._slopes
-        rate = np.gradient(difference, self._step, axis=0)
+        rate = np.gradient(difference, self.step_s, axis=0)
         return np.asarray(0.5 * self._half[:, None] * (stiffness * difference + damping * rate))
 
     def _all(self, of_axles: np.ndarray | None = None, of_suspensions: np.ndarray | None = None) -> np.ndarray:
@@ -287,7 +373,7 @@ class RollingRuns:
             pull = self._stiffness[:, None] * self._extension
             return self._all(of_suspensions=-only * self._of_spring[:, None] * pull)
         if kind == DAMPER_SIDE:
-            pull = self._damping[:, None] * np.gradient(self._extension, self._step, axis=0)
+            pull = self._damping[:, None] * np.gradient(self._extension, self.step_s, axis=0)
             return self._all(of_suspensions=-only * self._of_damper[:, None] * pull)
         if kind == TIRE_SIDE:
             return self._all(of_axles=only * self._half[:, None] * self._load)
@@ -307,7 +393,7 @@ class RollingRuns:
     def roll(self, moments: np.ndarray) -> RollMotion:
         """Changes of the roll by moments (T, n, R, Q), to first order."""
         given = self._given + _SMALL * moments
-        moved = roll_motion(self.system, self._step, given, self._tires, self._friction)
+        moved = roll_motion(self.system, self.step_s, given, self._tires, self._friction)
         pairs = (
             (moved.angle, self.base.angle),
             (moved.rate, self.base.rate),
@@ -324,7 +410,7 @@ class RollingRuns:
         angle, rate, acceleration = (x[..., 0] for x in (self.base.angle, self.base.rate, self.base.acceleration))
         if kind == SKEW:
             met = np.array([p.bump == unknown.of for p in self._passes])
-            return self._all(of_axles=self._of_tires(self._road(by_skew=True)) * met)
+            return self._all(of_axles=self._of_tires(self._difference_by_skew()) * met)
         if kind in (SPRING_SIDE, DAMPER_SIDE, TIRE_SIDE, CG_SIDE):
             return self._by_side(kind, place)
         if kind in (BODY_INERTIA, AXLE_INERTIA):
@@ -343,7 +429,7 @@ class RollingRuns:
             at = system.bodies + place
             square = system.square_track_m2[place]
             stiffness, damping = (of_all[:, place] for of_all in self._slopes)
-            none[:, at] = self._of_tires(self._tires.difference)[:, place] - square * (
+            none[:, at] = self._of_tires(self._tires.difference)[:, place] - square * self._tires.gain[:, place] * (
                 stiffness * angle[:, at] + damping * rate[:, at]
             )
         return none
@@ -372,12 +458,13 @@ class RollingRuns:
                 columns[:, u.place, :, j] += self._load[:, u.place]
             elif u.kind == TIRE_ROLL:
                 i = u.place
-                apart = 0.5 * self._tires.difference - self._half[:, None] * base.angle[:, axles, :, 0]
-                moving = 0.5 * self._tires.difference_rate - self._half[:, None] * base.rate[:, axles, :, 0]
+                lever = self._half[:, None] * self._tires.gain
+                apart = 0.5 * self._tires.difference - lever * base.angle[:, axles, :, 0]
+                moving = 0.5 * self._tires.difference_rate - lever * base.rate[:, axles, :, 0]
                 columns[:, i, :, j] += stiffness[:, i] * apart[:, i] + damping[:, i] * moving[:, i]
             elif u.kind == SKEW:
                 met = np.array([p.bump == u.of for p in self._passes])
-                columns[..., j] += met * self._of_tires(self._road(by_skew=True)) / self._half[:, None]
+                columns[..., j] += met * self._of_tires(self._difference_by_skew()) / self._half[:, None]
         return np.asarray(columns)
 
     def _of_rolling(self, motion: RollMotion) -> np.ndarray:

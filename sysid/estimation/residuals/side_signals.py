@@ -23,6 +23,7 @@ from sysid.estimation.residuals.side_unknowns import (
     show_roll,
 )
 from sysid.threads import side_by_side
+from sysid.vehicle_model.contact import RoadRise
 from sysid.vehicle_model.engine import Timing
 from sysid.vehicle_model.filters import discretise
 from sysid.vehicle_model.roll import (
@@ -40,16 +41,24 @@ _TOGETHER = 12
 class SideSignals:
     """What the channels of one group show of roll.
 
-    `shown` (T, R, C) in SI, and derivatives `columns` (T, R, n, q) by the unknowns, of the n `channels` on one side.
+    `shown` (T, R, C) in SI, and derivatives `columns` (T, R, n, q) by the unknowns, of the n `channels` on one side;
+    `rise`: what the mean road must have more for the tires of both sides, and its derivatives `rise_columns`
+    (q, R, na, m) [m].
     """
 
     shown: np.ndarray
     channels: np.ndarray
     columns: np.ndarray
+    rise: RoadRise
+    rise_columns: np.ndarray
 
 
 def with_sides(model: BumpModel, log_parameters: Parameters, motion: RunMotion) -> BumpModel:
-    """The model with its readings less what sensors on one side show of roll; itself where none does.
+    """The model as its truck rolls; itself where no sensor on one side shows roll.
+
+    Its roads are raised by what tires of unlike sides make of the mean (:meth:`RollingRuns.rise`), and its readings are
+    less what sensors on one side show of roll. The rise follows the motion over the road as it is at first, then that
+    over the raised road.
 
     Parameters
     ----------
@@ -60,12 +69,21 @@ def with_sides(model: BumpModel, log_parameters: Parameters, motion: RunMotion) 
     if not show_roll(model.layout, model.felt, bumps):
         return model
 
-    def one(position: int) -> np.ndarray:
-        return side_signals(model, position, log_parameters, motion, ()).shown
+    def made(model: BumpModel) -> list[SideSignals]:
+        def one(position: int) -> SideSignals:
+            return side_signals(model, position, log_parameters, motion, ())
 
-    shown = side_by_side(one, range(len(model.groups)))
-    arrays = zip(model.arrays, model.groups, shown, strict=True)
-    return replace(model, arrays=tuple(old._replace(value=group.value - s) for old, group, s in arrays))
+        return list(side_by_side(one, range(len(model.groups))))
+
+    def on_raised(signals: Sequence[SideSignals]) -> BumpModel:
+        rises = tuple(s.rise for s in signals)
+        return replace(model, rises=rises).on_roads(model.roads)
+
+    found = made(on_raised(made(model)))
+    arrays = zip(model.arrays, model.groups, found, strict=True)
+    return replace(
+        on_raised(found), arrays=tuple(old._replace(value=group.value - s.shown) for old, group, s in arrays)
+    )
 
 
 def side_signals(
@@ -90,9 +108,13 @@ def side_signals(
     shown = np.zeros((shape.samples, *group.value.shape[1:]))
     columns = np.zeros((shape.samples, len(group.runs), channels.size, len(unknowns)))
     cases = [p.load_case for p in model.passes[position]]
+    station = _stations(model, position, motion)
+    height = np.zeros((len(cases), len(model.felt.vehicle.axles), station.size))
+    height_columns = np.zeros((len(unknowns), *height.shape))
     for case in dict.fromkeys(cases):
         rows = np.array([r for r, of_run in enumerate(cases) if of_run == case])
         runs = _rolling(model, position, rows, log_parameters, motion)
+        height[rows] = runs.rise(station)
         parts = _signals(model, position, runs, runs.base)[..., 0]
         shown[:, rows[:, None], channels] = parts
         for first in range(0, len(unknowns), _TOGETHER):
@@ -103,7 +125,17 @@ def side_signals(
                 if u.kind == LEVER:
                     made[..., j] = parts * (columns_of == u.of)
             columns[:, rows, :, first : first + len(some)] = made
-    return SideSignals(shown, channels, columns)
+            height_columns[first : first + len(some), rows] = runs.rise_columns(station, some, moved)
+    return SideSignals(shown, channels, columns, RoadRise(station, height), height_columns)
+
+
+def _stations(model: BumpModel, position: int, motion: RunMotion) -> np.ndarray:
+    """Stations of the road of a group, up to where its front axles are in the end [m]."""
+    road, shape = model.roads[position], model.shapes[position]
+    along = motion.of(list(model.groups[position].runs))
+    last = float(np.max(along.mean_speed_m_s * (shape.samples * shape.interval_s - along.start_s)))
+    first, step = road.station_m[0], road.step_m
+    return np.asarray(first + step * np.arange(max(road.station_m.size, int((last - first) / step))))
 
 
 def _every(interval_s: float) -> int:
@@ -120,6 +152,7 @@ def _rolling(
         passes=model.passes[position],
         rows=rows,
         felt=model.felt,
+        tracks=model.felt,
         matrices=arrays.matrices,
         road=model.roads[position],
         laws=arrays.laws,
@@ -127,6 +160,7 @@ def _rolling(
         motion=motion.of(list(model.groups[position].runs)),
         timing=Timing((shape.samples - 1) * every + 1, shape.interval_s / every, 1),
         sides=model.sides,
+        rise=model.rises[position] if model.rises else None,
     )
     return RollingRuns(planar, log_parameters)
 

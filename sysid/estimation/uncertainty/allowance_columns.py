@@ -7,6 +7,7 @@ Derivatives by masses are forward differences with the matrices assembled again;
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from sysid.estimation.residuals.by_group import ByGroup
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_motion import RunMotion
 from sysid.estimation.residuals.side_signals import side_signals
-from sysid.estimation.residuals.signals import simulate_runs
+from sysid.estimation.residuals.signals import each, simulate_runs, simulate_trials
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.departure_scale import departure_columns
 from sysid.estimation.uncertainty.residual_columns import (
@@ -25,9 +26,10 @@ from sysid.estimation.uncertainty.residual_columns import (
     difference_columns,
     residuals_of_group,
 )
+from sysid.vehicle_model.contact import RoadRise, raised_along
 
-#: Step of the derivatives by unknowns of left and right, of which the signals are linear.
-_SIDE_STEP = 1e-4
+#: Step of the derivatives by unknowns of left and right, in their standard deviations.
+_SIDE_STEP = 0.02
 
 
 def allowance_columns(
@@ -84,11 +86,18 @@ def _with_sides(
         base, base_gain = residuals_of_group(model, weights, position, shown)
         residual = np.zeros((*base.shape, len(unknowns)))
         gain = np.zeros((*base_gain.shape, len(unknowns)))
-        for k in range(len(unknowns)):
-            moved = shown.copy()
-            moved[:, :, made.channels] += _SIDE_STEP * made.columns[..., k]
+        steps, part = [_SIDE_STEP * u.sd for u in unknowns], model.part(position)
+        raised = (
+            replace(
+                part, roads=(raised_along(part.roads[0], RoadRise(made.rise.station_m, step * made.rise_columns[k])),)
+            )
+            for k, step in enumerate(steps)
+        )
+        # What rolling does to the mean, and what it shows on one side.
+        for k, (moved,) in enumerate(simulate_trials(raised, log_parameters, motion, each)):
+            moved[:, :, made.channels] += steps[k] * made.columns[..., k]
             by_residual, by_gain = residuals_of_group(model, weights, position, moved)
-            residual[..., k], gain[..., k] = (by_residual - base) / _SIDE_STEP, (by_gain - base_gain) / _SIDE_STEP
+            residual[..., k], gain[..., k] = (by_residual - base) / steps[k], (by_gain - base_gain) / steps[k]
         return ResidualColumns(
             np.concatenate([known.residual, residual], axis=-1), np.concatenate([known.gain, gain], axis=-1)
         )

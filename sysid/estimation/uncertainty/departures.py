@@ -214,7 +214,7 @@ class Departures:
             of_group = None if changes is None else changes[first : first + len(passes)]
             roads.append(self.road(passes, amplitudes, of_group))
             first += len(passes)
-        return replace(self.on_same_roads(model, amplitudes), roads=tuple(roads))
+        return self.on_same_roads(model, amplitudes).on_roads(roads)
 
     def on_same_roads(self, model: BumpModel, amplitudes: np.ndarray) -> BumpModel:
         """The model of bump runs moved along the directions of tires and suspensions by `amplitudes`, (n,)."""
