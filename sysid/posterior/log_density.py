@@ -99,13 +99,14 @@ class LogDensity:
     def __call__(self, log_parameters: Parameters) -> np.ndarray:
         """Log-density (n,) of parameter sets (n, p)."""
         points = np.atleast_2d(np.asarray(log_parameters, float))
-        change, share = self._integrated.simulated(points - self.centre)
+        followed = self._integrated.followed(points - self.centre)
+        change = self._integrated.simulated(followed)
         directions = self._integrated.directions
         squares, products = np.zeros(len(points)), np.zeros((directions.shape[1], len(points)))
         for inputs, shape in zip(self._inputs, self._model.shapes, strict=True):
             of_group, of_shared = group_misfits(inputs, (self.centre + change).T, shape=shape)
             squares, products = squares + of_group, products + of_shared
-        density = self._integrated.log_density(squares, products, share)
+        density = self._integrated.log_density(squares, products, followed)
         density -= 0.5 * (self._off_prior(points) ** 2).sum(axis=1) + (points - self.centre) @ self._tilt
         return np.asarray(np.where(np.isfinite(density), density, -np.inf))
 

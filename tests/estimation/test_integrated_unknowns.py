@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import logsumexp
@@ -23,10 +25,10 @@ def test_a_linear_model_has_the_density_of_the_dense_covariance() -> None:
     points = 0.5 * random.normal(size=(20, p))
 
     def density(known) -> np.ndarray:
-        change, share = known.simulated(points)
-        residual = value + change @ by_x.T
+        followed = known.followed(points)
+        residual = value + known.simulated(followed) @ by_x.T
         squares, products = (residual**2).sum(axis=1), (residual @ both @ known.directions).T
-        return known.log_density(squares, products, share)
+        return known.log_density(squares, products, followed)
 
     covariance = f * np.eye(40) + (by_y * sd**2) @ by_y.T + by_x @ effects @ effects.T @ by_x.T
     # The prior of y has its mean at 0, the residuals are those at y_0.
@@ -58,9 +60,9 @@ def test_a_share_that_no_motion_shows_is_integrated_exactly(far: float) -> None:
     points = np.array([[0.0, 0.0], [far, far], [far + 3e-4, far - 2e-4], [-far, -far]])
 
     def density(known) -> np.ndarray:
-        change, share = known.simulated(points)
-        residual = shown(change)
-        return known.log_density((residual**2).sum(axis=1), (residual @ both @ known.directions).T, share)
+        followed = known.followed(points)
+        residual = shown(known.simulated(followed))
+        return known.log_density((residual**2).sum(axis=1), (residual @ both @ known.directions).T, followed)
 
     y = np.linspace(-0.04, 0.04, 16001)
     squares = (shown(points[:, None, :] - y[:, None]) ** 2).sum(axis=-1) + (y / sd) ** 2
@@ -68,3 +70,39 @@ def test_a_share_that_no_motion_shows_is_integrated_exactly(far: float) -> None:
     np.testing.assert_allclose(density(found) - density(found)[0], exact - exact[0], atol=0.02)
     if far > 0.01:
         assert np.abs(density(frozen) - density(frozen)[0] - exact + exact[0]).max() > 1.0
+
+
+def test_model_error_leaves_the_truck_where_the_data_want_it() -> None:
+    """Readings show x + x^2 and have a misfit, and model error moves x much further than the data let it go.
+
+    With the truck simulated at x, and the error taken back along the columns of the optimum, what is left of x^2 would
+    explain the misfit.
+    """
+    noise, effect, random = 0.02, 0.3, np.random.default_rng(8)
+    slope, curve = random.normal(size=(2, 60)) / noise / np.sqrt(60.0)
+    # At the optimum the misfit has no share of the slope.
+    misfit = -0.3 * curve + random.normal(size=60)
+    misfit -= slope * (slope @ misfit) / (slope @ slope)
+    nothing = np.zeros(0)
+    found = integrated_unknowns(
+        np.array([[slope @ slope]]), np.eye(1), np.array([[effect]]), nothing, nothing, nothing, 1.0, np.eye(1)
+    )
+    points = np.linspace(-0.6, 0.6, 7)[:, None]
+
+    def shown(x: np.ndarray) -> np.ndarray:
+        return misfit + slope * x[..., None] + curve * x[..., None] ** 2
+
+    def density(known) -> np.ndarray:
+        followed = known.followed(points)
+        residual = shown(known.simulated(followed)[:, 0])
+        products = (residual @ slope[:, None] @ known.directions).T
+        values = known.log_density((residual**2).sum(axis=1), products, followed)
+        return values - values[3]
+
+    e = np.linspace(-6.0, 6.0, 24001)
+    squares = (shown(points + effect * e) ** 2).sum(axis=-1) + e**2
+    exact = logsumexp(-0.5 * squares, axis=1)
+    assert np.ptp(exact) > 1.5
+    np.testing.assert_allclose(density(found), exact - exact[3], atol=0.02)
+    at_x = replace(found, simulated_share=np.eye(1), pull_by_change=np.zeros((1, 1)))
+    assert np.abs(density(at_x) - exact + exact[3]).max() > 20.0

@@ -15,10 +15,16 @@ leaves the log-density
 
 up to a constant: with eigenvectors u of A'A / f and eigenvalues s, a sum over (u'c)^2 - (u'g)^2 / (1 + s).
 
-The columns are those of the optimum.  That is too rough along what no motion shows: if a truck grows by one share,
-all its masses t and forces h (to first order, a step h of the parameters with J_x h = -J_y t), it moves as before.  So
-x - a h is simulated in place of x, and y_0 + a t stands in place of y_0, with a(x) = w'D (x - x_0) the share that
-brings the parameters nearest to the optimum.  The residuals get a (J_x h + J_y t), which is next to nothing.
+The columns are those of the optimum.  That is too rough for changes of x that the data do not resist: the residuals
+would hardly change, but what is left of r(x) after its linear part was taken back can be as large as the misfit.  So
+the truck is simulated where these changes leave it, and z counts from there.
+
+- Model error takes over what the data resist least: with N the information about x, masses and departures integrated
+  out, e = -(I + E'N E)^-1 E'N D (x - x_0) is its most likely value.  x_0 + S D (x - x_0) is simulated, S = I - E (I +
+  E'N E)^-1 E'N, and c begins with e.
+- If a truck grows by one share, all its masses t and forces h (to first order, a step h of the parameters with J_x h =
+  -J_y t), it moves as before.  With a = w'S D (x - x_0) the share that brings the parameters nearest to the optimum, a h
+  less is simulated, and y_0 + a t stands in place of y_0.  The residuals get a (J_x h + J_y t), which is next to nothing.
 """
 
 from __future__ import annotations
@@ -28,6 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.arrays import DrawsByParameters, Parameters, ParametersByParameters
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
 
 #: Eigenvalues s below this one are left out: of the log-density they change less than half as much.
 _LEAST = 1e-3
@@ -38,44 +45,55 @@ class IntegratedUnknowns:
     """What is integrated out of the density of p parameters, along K combinations of p parameters and q other unknowns.
 
     - `factor`: f on the variances of the data;
-    - `following` (p, p): D;
+    - `following` (p, p): D; all that follows is per unit of D (x - x_0):
+    - `simulated_share` (p, p): of which truck is simulated, (I - h w') S, and `share` (p,): a, S'w;
     - `directions` (p + q, K + 1): columns [J_x J_y] times this are A u, then J_x h + J_y t; `sizes` (K,) are the s, and
-      `pull` (K,) is u'c at x_0;
-    - `growth` (p,) h and `share` (p,) w; per unit of a, `pull_by_share` (K,) is the change of u'c, `by_share` (K,) that
-      of the products with A u over f, and `square_of_share` half the second derivative of r'r / f.
+      `pull` (K,) is u'c at x_0, `pull_by_change` (K, p) its change;
+    - `by_share` (K,): change of the products with A u over f per unit of a, and `square_of_share` half the second
+      derivative of r'r / f.
     """
 
     factor: float
     following: ParametersByParameters
+    simulated_share: ParametersByParameters
+    share: Parameters
     directions: np.ndarray
     sizes: np.ndarray
     pull: np.ndarray
-    growth: Parameters
-    share: Parameters
-    pull_by_share: np.ndarray
+    pull_by_change: np.ndarray
     by_share: np.ndarray
     square_of_share: float
 
-    def simulated(self, change: DrawsByParameters) -> tuple[DrawsByParameters, np.ndarray]:
-        """Which changes (n, p) of the parameters are simulated for changes x - x_0 (n, p), and a (n,)."""
-        # Not by matrix products, whose rounding depends on how many sets there are.
-        followed = (change[:, None, :] * self.following).sum(axis=-1)
-        share = (followed * self.share).sum(axis=-1)
-        return followed - share[:, None] * self.growth, share
+    def followed(self, change: DrawsByParameters) -> DrawsByParameters:
+        """D (x - x_0) (n, p) for changes x - x_0 (n, p)."""
+        return _times(change, self.following)
 
-    def log_density(self, squares: np.ndarray, products: np.ndarray, share: np.ndarray) -> np.ndarray:
-        """Log-density (n,) of the data from r'r (n,), products of r with the columns (K + 1, n), and a (n,)."""
+    def simulated(self, followed: DrawsByParameters) -> DrawsByParameters:
+        """Which changes (n, p) of the parameters are simulated for D (x - x_0) (n, p)."""
+        return _times(followed, self.simulated_share)
+
+    def log_density(self, squares: np.ndarray, products: np.ndarray, followed: DrawsByParameters) -> np.ndarray:
+        """Log-density (n,) of the data from r'r (n,), products of r with the columns (K + 1, n), and D (x - x_0)."""
         *along, rest = products / self.factor
-        pull = self.pull[:, None] + self.pull_by_share[:, None] * share
+        share = _times(followed, self.share[None])[:, 0]
+        pull = self.pull[:, None] + _times(followed, self.pull_by_change).T
         gradient = np.reshape(along, pull.shape) + self.by_share[:, None] * share + pull
         misfit = squares / self.factor + 2.0 * share * rest + self.square_of_share * share**2
         return np.asarray(-0.5 * (misfit + (pull**2 - gradient**2 / (1.0 + self.sizes[:, None])).sum(axis=0)))
 
 
+def _times(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Matrix (m, p) times each of n vectors (n, p).
+
+    Not by a matrix product, whose rounding depends on how many vectors there are.
+    """
+    return np.asarray((vectors[:, None, :] * matrix).sum(axis=-1))
+
+
 def nothing_integrated(count: int) -> IntegratedUnknowns:
     """The density of p parameters alone."""
-    none, zero = np.zeros(0), np.zeros(count)
-    return IntegratedUnknowns(1.0, np.eye(count), np.zeros((count, 1)), none, none, zero, zero, none, none, 0.0)
+    none, zero, same = np.zeros(0), np.zeros(count), np.eye(count)
+    return IntegratedUnknowns(1.0, same, same, zero, np.zeros((count, 1)), none, none, np.zeros((0, count)), none, 0.0)
 
 
 def integrated_unknowns(
@@ -107,21 +125,24 @@ def integrated_unknowns(
     kept = values > _LEAST
     values, vectors = values[kept], vectors[:, kept]
     pull, pull_by_share = pulls @ vectors
+    resisted = effects.T @ NormalEquations.of(matrix, sd=sd).eliminate(slice(count, None)).left.matrix
+    error = -np.linalg.solve(np.eye(further) + resisted @ effects, resisted)
+    kept_by_error = np.eye(count) + effects @ error
     about = matrix[:count, :count]
     # Parameters of which the data say nothing stay where they are.
     growth = -np.linalg.solve(about + prior, matrix[:count, count:] @ grows)
     towards = about @ growth
-    share = towards / (growth @ towards) if grows.any() else np.zeros(count)
+    share = kept_by_error.T @ towards / (growth @ towards) if grows.any() else np.zeros(count)
     rest, along = np.concatenate([growth, grows]), roots @ vectors
     return IntegratedUnknowns(
         factor=factor,
         following=following,
+        simulated_share=kept_by_error - np.outer(growth, share),
+        share=share,
         directions=np.column_stack([along, rest]),
         sizes=values,
         pull=pull,
-        growth=growth,
-        share=share,
-        pull_by_share=pull_by_share,
+        pull_by_change=np.outer(pull_by_share, share) + vectors[:further].T @ error,
         by_share=along.T @ matrix @ rest,
         square_of_share=float(rest @ matrix @ rest),
     )
