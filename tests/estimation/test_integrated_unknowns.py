@@ -9,7 +9,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from sysid.estimation.uncertainty.integrated_unknowns import integrated_unknowns
+from sysid.estimation.uncertainty.integrated_unknowns import ErrorGivenParameters, integrated_unknowns
 
 
 def test_a_linear_model_has_the_density_of_the_dense_covariance() -> None:

@@ -22,7 +22,11 @@ from sysid.estimation.uncertainty.allowance_columns import allowance_columns
 from sysid.estimation.uncertainty.allowances import Allowances
 from sysid.estimation.uncertainty.data_information import MASSES, SCALES, TIRES, DataInformation
 from sysid.estimation.uncertainty.departure_scale import departure_scale, least_sd
-from sysid.estimation.uncertainty.integrated_unknowns import IntegratedUnknowns, integrated_unknowns
+from sysid.estimation.uncertainty.integrated_unknowns import (
+    ErrorGivenParameters,
+    IntegratedUnknowns,
+    integrated_unknowns,
+)
 from sysid.estimation.uncertainty.joint_step import JointStep, bounded_step, joint_step
 from sysid.estimation.uncertainty.map_following import footprints_by_tires, map_following
 from sysid.estimation.uncertainty.mass_response import MassResponse
@@ -256,12 +260,19 @@ def adjusted_information(
     known = DataInformation(matrix, flat, prior, sd, masses.sd.size, factor, undecided, _kinds(allowances))
     slope = follow.T @ of_blocks.matrix.T @ of_blocks.matrix.T @ pull / factor
     slope = known.slope(slope)
-    response = MassResponse(parameters, followed, equations.only(further).covariance_factor, here)
     # Model error acts on the parameters that are simulated, undecided laws and parts on those that are reported.
     effects = np.concatenate([of_blocks.effects, follow @ undecided.T], axis=1)
+    error = ErrorGivenParameters.of(effects, left.matrix)
+    # Masses and departures follow the truck that the data show, which model error moves from the reported one.
+    shown = follow + effects @ error.response @ follow
+    spread_of = np.concatenate([equations.only(further).covariance_factor, followed @ effects @ error.factor], axis=1)
+    response = MassResponse(parameters, followed @ shown, spread_of, here)
     grows = np.zeros(allowances.count)
     grows[: masses.sd.size] = masses.scales
-    integrated = integrated_unknowns(matrix, prior, effects, sd, here, grows, factor, follow)
+    # Data push some against the end of their range.  A normal distribution knows no end: it is to lie about it, not far
+    # beyond, and take the parameters along.
+    at_rest = np.where(spread.held, -(sd**2) * data.score[count:] / factor, here)
+    integrated = integrated_unknowns(matrix, prior, effects, error, sd, at_rest, grows, factor, follow)
     inflation = factor * of_blocks.inflation
     mode = here + spread.step.amounts
     return AdjustedInformation(known.precision(), integrated, inflation, slope, known, response, parts, mode)
@@ -277,12 +288,14 @@ class ModelError:
     """How much more the data scatter about the joint optimum of p parameters and q masses and departures than noise.
 
     `factor` on all variances, at least 1; `sd` (q,) prior standard deviations of masses and departures under it; `step`
-    to the joint optimum; `scores` (b, p + q) of the blocks there.
+    to the joint optimum, in which those of `held` (q,) stay at the end of their range; `scores` (b, p + q) of the blocks
+    there.
     """
 
     factor: float
     sd: np.ndarray
     step: JointStep
+    held: np.ndarray
     scores: np.ndarray
 
 
@@ -340,7 +353,7 @@ def model_error(
         scatter = np.sum(at_optimum @ covariance * at_optimum) / factor
         expected = np.einsum("bii->", absorbed) - np.einsum("bij,bji->", absorbed, absorbed)
         factor = max(1.0, float(scatter / max(expected, 1e-12)))
-    return ModelError(factor, sd, step, at_optimum)
+    return ModelError(factor, sd, step, (step.amounts == 0.0) & (sd > 0.0), at_optimum)
 
 
 def _held(allowances: Allowances, amounts: np.ndarray, step: JointStep) -> np.ndarray:

@@ -23,8 +23,9 @@ the truck is simulated where these changes leave it, and z counts from there.
   out, e = -(I + E'N E)^-1 E'N D (x - x_0) is its most likely value.  x_0 + S D (x - x_0) is simulated, S = I - E (I +
   E'N E)^-1 E'N, and c begins with e.
 - If a truck grows by one share, all its masses t and forces h (to first order, a step h of the parameters with J_x h =
-  -J_y t), it moves as before.  With a = w'S D (x - x_0) the share that brings the parameters nearest to the optimum, a h
-  less is simulated, and y_0 + a t stands in place of y_0.  The residuals get a (J_x h + J_y t), which is next to nothing.
+  -J_y t), it moves as before.  With a = w'S D (x - x_0) the share that brings the parameters nearest to the optimum, a
+  truck with a h less is simulated, and y_0 + a t stands in place of y_0.  The residuals get a (J_x h + J_y t), which is
+  next to nothing.
 """
 
 from __future__ import annotations
@@ -34,10 +35,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.arrays import DrawsByParameters, Parameters, ParametersByParameters
-from sysid.estimation.uncertainty.normal_equations import NormalEquations
 
 #: Eigenvalues s below this one are left out: of the log-density they change less than half as much.
 _LEAST = 1e-3
+
+
+@dataclass(frozen=True)
+class ErrorGivenParameters:
+    """Model error e (k,) given D (x - x_0) (p,): normal, mean `response` (k, p) times this, `factor` `factor`' (k, k)."""
+
+    response: np.ndarray
+    factor: np.ndarray
+
+    @classmethod
+    def of(cls, effects: np.ndarray, information: ParametersByParameters) -> ErrorGivenParameters:
+        """From E (p, k) and the information N (p, p) of the data, masses and departures integrated out."""
+        resisted = effects.T @ information
+        root = np.linalg.inv(np.linalg.cholesky(np.eye(effects.shape[1]) + resisted @ effects)).T
+        return cls(-root @ root.T @ resisted, root)
 
 
 @dataclass(frozen=True)
@@ -100,6 +115,7 @@ def integrated_unknowns(
     matrix: np.ndarray,
     prior: ParametersByParameters,
     effects: np.ndarray,
+    error: ErrorGivenParameters,
     sd: np.ndarray,
     amounts: np.ndarray,
     grows: np.ndarray,
@@ -112,7 +128,7 @@ def integrated_unknowns(
     ----------
     matrix : (p + q, p + q) information of the data, over `factor`, the runs' own unknowns eliminated.
     prior : (p, p) precision of the parameters.
-    effects : (p, k) E; sd : (q,) prior standard deviations of y, 0 for what is held; amounts : (q,) y_0.
+    effects : (p, k) E; error : e given the parameters; sd : (q,) prior standard deviations of y, 0 for what is held; amounts : (q,) y_0.
     grows : (q,) t; factor : f; following : (p, p) D.
     """
     count, further = effects.shape
@@ -125,9 +141,7 @@ def integrated_unknowns(
     kept = values > _LEAST
     values, vectors = values[kept], vectors[:, kept]
     pull, pull_by_share = pulls @ vectors
-    resisted = effects.T @ NormalEquations.of(matrix, sd=sd).eliminate(slice(count, None)).left.matrix
-    error = -np.linalg.solve(np.eye(further) + resisted @ effects, resisted)
-    kept_by_error = np.eye(count) + effects @ error
+    kept_by_error = np.eye(count) + effects @ error.response
     about = matrix[:count, :count]
     # Parameters of which the data say nothing stay where they are.
     growth = -np.linalg.solve(about + prior, matrix[:count, count:] @ grows)
@@ -142,7 +156,7 @@ def integrated_unknowns(
         directions=np.column_stack([along, rest]),
         sizes=values,
         pull=pull,
-        pull_by_change=np.outer(pull_by_share, share) + vectors[:further].T @ error,
+        pull_by_change=np.outer(pull_by_share, share) + vectors[:further].T @ error.response,
         by_share=along.T @ matrix @ rest,
         square_of_share=float(rest @ matrix @ rest),
     )
