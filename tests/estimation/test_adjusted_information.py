@@ -88,6 +88,34 @@ def test_the_information_is_the_precision_of_the_data(found):
     assert found.response.amounts.shape == found.data.sd.shape
 
 
+def test_masses_follow_the_truck_that_the_data_show(fit, found):
+    """Against the joint normal distribution of parameters x, model error e, and masses and departures y given x."""
+    state, count = fit.state, fit.truth.size
+    problem, allowances = state.problem(), state.allowances
+    laws = np.zeros((1, count))
+    laws[0, :2] = 0.1, -0.05
+    known = problem.vector(state.point.log_parameters), allowances, state.point.amounts
+    found = adjusted_information(state.campaign, problem, *known, laws)
+    matrix, sd, follow = found.data.matrix, found.data.sd, found.integrated.following
+    free = sd > 0.0
+    # What the data show of (x, e, y).
+    shown = np.zeros((len(matrix), count + 1 + sd.size))
+    shown[:count, :count], shown[:count, count], shown[count:, count + 1 :] = follow, follow @ laws[0], np.eye(sd.size)
+    dense = shown.T @ matrix @ shown
+    dense[count, count] += 1.0
+    for j in np.flatnonzero(free):
+        dense[count + 1 + j, count + 1 + j] += sd[j] ** -2
+    chosen = np.array([count, *(count + 1 + np.flatnonzero(free))])
+    given_x = np.linalg.inv(dense[np.ix_(chosen, chosen)])
+    response = -given_x @ dense[chosen][:, :count]
+    scale = np.sqrt(np.diag(given_x))[1:, None]
+    np.testing.assert_allclose(found.response.response[free] / scale, response[1:] / scale, rtol=1e-4, atol=1e-3)
+    covariance = found.response.factor[free] @ found.response.factor[free].T
+    np.testing.assert_allclose(covariance / scale / scale.T, given_x[1:, 1:] / scale / scale.T, atol=1e-4)
+    without = adjusted_information(state.campaign, problem, *known).response.response[free]
+    assert np.abs((without - response[1:]) / scale).max() > 1.0
+
+
 def test_masses_and_tires_have_settled_where_the_fit_ends(fit):
     assert fit.result.converged
     assert remaining(fit.state).largest < NEAR_SD

@@ -9,7 +9,18 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from sysid.estimation.uncertainty.integrated_unknowns import ErrorGivenParameters, integrated_unknowns
+from sysid.estimation.uncertainty.integrated_unknowns import (
+    ErrorGivenParameters,
+    IntegratedUnknowns,
+    integrated_unknowns,
+)
+from sysid.estimation.uncertainty.normal_equations import NormalEquations
+
+
+def of_everything(matrix, prior, effects, sd, *others) -> IntegratedUnknowns:
+    """What is integrated out, model error being what E and the information of the data make it."""
+    about = NormalEquations.of(matrix, sd=sd).eliminate(slice(len(prior), None)).left.matrix
+    return integrated_unknowns(matrix, prior, effects, ErrorGivenParameters.of(effects, about), sd, *others)
 
 
 def test_a_linear_model_has_the_density_of_the_dense_covariance() -> None:
@@ -19,9 +30,7 @@ def test_a_linear_model_has_the_density_of_the_dense_covariance() -> None:
     sd, amounts, effects = np.array([0.1, 0.3]), np.array([0.05, -0.2]), 0.2 * random.normal(size=(p, 1))
     following = np.eye(p) + 0.2 * random.normal(size=(p, p))
     both = np.hstack([by_x, by_y])
-    found = integrated_unknowns(
-        both.T @ both / f, 0.1 * np.eye(p), effects, sd, amounts, np.array([1.0, 0.0]), f, following
-    )
+    found = of_everything(both.T @ both / f, 0.1 * np.eye(p), effects, sd, amounts, np.array([1.0, 0.0]), f, following)
     points = 0.5 * random.normal(size=(20, p))
 
     def density(known) -> np.ndarray:
@@ -36,7 +45,7 @@ def test_a_linear_model_has_the_density_of_the_dense_covariance() -> None:
     # What is left out moves half a thousandth at most for each direction.
     np.testing.assert_allclose(density(found) - density(found)[0], dense - dense[0], atol=5e-3)
     known = both.T @ both / f, 0.1 * np.eye(p), effects[:, :0], 0.0 * sd, amounts, np.zeros(2), f, following
-    alone = density(integrated_unknowns(*known))
+    alone = density(of_everything(*known))
     assert np.ptp(alone - alone[0] - dense + dense[0]) > 1.0
 
 
@@ -51,8 +60,8 @@ def test_a_share_that_no_motion_shows_is_integrated_exactly(far: float) -> None:
     both = np.hstack([by_x, by_y]) / noise
     effects = np.zeros((2, 0))
     given = both.T @ both, 1e-12 * np.eye(2), effects, np.array([sd]), np.zeros(1)
-    found = integrated_unknowns(*given, np.ones(1), 1.0, np.eye(2))
-    frozen = integrated_unknowns(*given, np.zeros(1), 1.0, np.eye(2))
+    found = of_everything(*given, np.ones(1), 1.0, np.eye(2))
+    frozen = of_everything(*given, np.zeros(1), 1.0, np.eye(2))
 
     def shown(x: np.ndarray) -> np.ndarray:
         return (np.exp(np.array([4.0, -1.0]) * x) - 1.0) / noise
@@ -84,7 +93,7 @@ def test_model_error_leaves_the_truck_where_the_data_want_it() -> None:
     misfit = -0.3 * curve + random.normal(size=60)
     misfit -= slope * (slope @ misfit) / (slope @ slope)
     nothing = np.zeros(0)
-    found = integrated_unknowns(
+    found = of_everything(
         np.array([[slope @ slope]]), np.eye(1), np.array([[effect]]), nothing, nothing, nothing, 1.0, np.eye(1)
     )
     points = np.linspace(-0.6, 0.6, 7)[:, None]

@@ -288,7 +288,7 @@ class ModelError:
     """How much more the data scatter about the joint optimum of p parameters and q masses and departures than noise.
 
     `factor` on all variances, at least 1; `sd` (q,) prior standard deviations of masses and departures under it; `step`
-    to the joint optimum, in which those of `held` (q,) stay at the end of their range; `scores` (b, p + q) of the blocks
+    to the joint optimum, in which those of `held` (q,) stay at the end of their range; `scores` (b, p + q) of blocks
     there.
     """
 

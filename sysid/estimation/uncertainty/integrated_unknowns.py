@@ -42,7 +42,10 @@ _LEAST = 1e-3
 
 @dataclass(frozen=True)
 class ErrorGivenParameters:
-    """Model error e (k,) given D (x - x_0) (p,): normal, mean `response` (k, p) times this, `factor` `factor`' (k, k)."""
+    """Model error e (k,) given D (x - x_0) (p,): normal, with the mean `response` (k, p) times this.
+
+    Its covariance is `factor` `factor`' (k, k).
+    """
 
     response: np.ndarray
     factor: np.ndarray
@@ -128,7 +131,8 @@ def integrated_unknowns(
     ----------
     matrix : (p + q, p + q) information of the data, over `factor`, the runs' own unknowns eliminated.
     prior : (p, p) precision of the parameters.
-    effects : (p, k) E; error : e given the parameters; sd : (q,) prior standard deviations of y, 0 for what is held; amounts : (q,) y_0.
+    effects : (p, k) E; error : e given the parameters.
+    sd : (q,) prior standard deviations of y, 0 for what is held; amounts : (q,) y_0.
     grows : (q,) t; factor : f; following : (p, p) D.
     """
     count, further = effects.shape
