@@ -18,6 +18,7 @@ from sysid.estimation.residuals.problem import Problem
 from sysid.estimation.residuals.residual_weights import Weights
 from sysid.estimation.residuals.run_clocks import run_clocks
 from sysid.estimation.residuals.run_motion import RUN_UNKNOWNS
+from sysid.estimation.uncertainty import information
 from sysid.estimation.uncertainty.clock_columns import clock_columns
 from sysid.estimation.uncertainty.information import (
     AdjustedInformation,
@@ -114,6 +115,30 @@ def test_masses_follow_the_truck_that_the_data_show(fit, found):
     np.testing.assert_allclose(covariance / scale / scale.T, given_x[1:, 1:] / scale / scale.T, atol=1e-4)
     without = adjusted_information(state.campaign, problem, *known).response.response[free]
     assert np.abs((without - response[1:]) / scale).max() > 1.0
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_what_data_push_against_the_end_of_its_range_stays_there(fit, monkeypatch, held):
+    """The density of one unknown, whose records want it below zero, has no slope there."""
+    state, count = fit.state, fit.truth.size
+    problem, allowances = state.problem(), state.allowances
+    names = [d.name for d in allowances.departures.directions]
+    one = len(allowances.masses.factors) + names.index("friction_3")
+    alone = np.where(np.arange(allowances.count) == one, 0.01, 0.0)
+
+    def of_one(*arguments):
+        whole = model_error(*arguments)
+        return replace(whole, sd=alone, held=(alone > 0.0) & held)
+
+    monkeypatch.setattr(information, "model_error", of_one)
+    known = state.campaign, problem, problem.vector(state.point.log_parameters), allowances, state.point.amounts
+    integrated = adjusted_information(*known).integrated
+    score = optimum_information(*known).score
+    along = integrated.directions[:, 0]
+    assert integrated.sizes.size == 1
+    assert score[count + one] > 0.0
+    slope = (along @ score / integrated.factor + integrated.pull[0]) / np.sqrt(integrated.sizes[0])
+    assert abs(slope) < 1e-9 if held else abs(slope) > 0.05
 
 
 def test_masses_and_tires_have_settled_where_the_fit_ends(fit):
