@@ -9,18 +9,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from sysid.estimation.uncertainty.integrated_unknowns import (
-    ErrorGivenParameters,
-    IntegratedUnknowns,
-    integrated_unknowns,
-)
-from sysid.estimation.uncertainty.normal_equations import NormalEquations
-
-
-def of_everything(matrix, prior, effects, sd, *others) -> IntegratedUnknowns:
-    """What is integrated out, model error being what E and the information of the data make it."""
-    about = NormalEquations.of(matrix, sd=sd).eliminate(slice(len(prior), None)).left.matrix
-    return integrated_unknowns(matrix, prior, effects, ErrorGivenParameters.of(effects, about), sd, *others)
+from sysid.estimation.uncertainty.integrated_unknowns import integrated_unknowns
 
 
 def test_a_linear_model_has_the_density_of_the_dense_covariance() -> None:
@@ -30,7 +19,7 @@ def test_a_linear_model_has_the_density_of_the_dense_covariance() -> None:
     sd, amounts, effects = np.array([0.1, 0.3]), np.array([0.05, -0.2]), 0.2 * random.normal(size=(p, 1))
     following = np.eye(p) + 0.2 * random.normal(size=(p, p))
     both = np.hstack([by_x, by_y])
-    found = of_everything(both.T @ both / f, 0.1 * np.eye(p), effects, sd, amounts, np.array([1.0, 0.0]), f, following)
+    found = integrated_unknowns(both.T @ both / f, 0.1 * np.eye(p), effects, sd, amounts, f, following)
     points = 0.5 * random.normal(size=(20, p))
 
     def density(known) -> np.ndarray:
@@ -44,8 +33,8 @@ def test_a_linear_model_has_the_density_of_the_dense_covariance() -> None:
     dense = multivariate_normal(by_y @ amounts, covariance).logpdf(value + points @ following.T @ by_x.T)
     # What is left out moves half a thousandth at most for each direction.
     np.testing.assert_allclose(density(found) - density(found)[0], dense - dense[0], atol=5e-3)
-    known = both.T @ both / f, 0.1 * np.eye(p), effects[:, :0], 0.0 * sd, amounts, np.zeros(2), f, following
-    alone = density(of_everything(*known))
+    known = both.T @ both / f, 0.1 * np.eye(p), effects[:, :0], 0.0 * sd, amounts, f, following
+    alone = density(integrated_unknowns(*known))
     assert np.ptp(alone - alone[0] - dense + dense[0]) > 1.0
 
 
@@ -60,8 +49,8 @@ def test_a_share_that_no_motion_shows_is_integrated_exactly(far: float) -> None:
     both = np.hstack([by_x, by_y]) / noise
     effects = np.zeros((2, 0))
     given = both.T @ both, 1e-12 * np.eye(2), effects, np.array([sd]), np.zeros(1)
-    found = of_everything(*given, np.ones(1), 1.0, np.eye(2))
-    frozen = of_everything(*given, np.zeros(1), 1.0, np.eye(2))
+    found = integrated_unknowns(*given, 1.0, np.eye(2))
+    frozen = replace(found, simulated_share=np.eye(2), pull_by_change=0.0 * found.pull_by_change, rest=0.0 * found.rest)
 
     def shown(x: np.ndarray) -> np.ndarray:
         return (np.exp(np.array([4.0, -1.0]) * x) - 1.0) / noise
@@ -93,8 +82,8 @@ def test_model_error_leaves_the_truck_where_the_data_want_it() -> None:
     misfit = -0.3 * curve + random.normal(size=60)
     misfit -= slope * (slope @ misfit) / (slope @ slope)
     nothing = np.zeros(0)
-    found = of_everything(
-        np.array([[slope @ slope]]), np.eye(1), np.array([[effect]]), nothing, nothing, nothing, 1.0, np.eye(1)
+    found = integrated_unknowns(
+        np.array([[slope @ slope]]), np.eye(1), np.array([[effect]]), nothing, nothing, 1.0, np.eye(1)
     )
     points = np.linspace(-0.6, 0.6, 7)[:, None]
 
@@ -113,5 +102,5 @@ def test_model_error_leaves_the_truck_where_the_data_want_it() -> None:
     exact = logsumexp(-0.5 * squares, axis=1)
     assert np.ptp(exact) > 1.5
     np.testing.assert_allclose(density(found), exact - exact[3], atol=0.02)
-    at_x = replace(found, simulated_share=np.eye(1), pull_by_change=np.zeros((1, 1)))
+    at_x = replace(found, simulated_share=np.eye(1), pull_by_change=np.zeros((1, 1)), rest=0.0 * found.rest)
     assert np.abs(density(at_x) - exact + exact[3]).max() > 20.0

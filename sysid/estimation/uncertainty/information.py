@@ -267,12 +267,10 @@ def adjusted_information(
     shown = follow + effects @ error.response @ follow
     spread_of = np.concatenate([equations.only(further).covariance_factor, followed @ effects @ error.factor], axis=1)
     response = MassResponse(parameters, followed @ shown, spread_of, here)
-    grows = np.zeros(allowances.count)
-    grows[: masses.sd.size] = masses.scales
     # Data push some against the end of their range.  A normal distribution knows no end: it is to lie about it, not far
     # beyond, and take the parameters along.
     at_rest = np.where(spread.held, -(sd**2) * data.score[count:] / factor, here)
-    integrated = integrated_unknowns(matrix, prior, effects, error, sd, at_rest, grows, factor, follow)
+    integrated = integrated_unknowns(matrix, prior, effects, sd, at_rest, factor, follow)
     inflation = factor * of_blocks.inflation
     mode = here + spread.step.amounts
     return AdjustedInformation(known.precision(), integrated, inflation, slope, known, response, parts, mode)

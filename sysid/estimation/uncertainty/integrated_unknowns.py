@@ -15,17 +15,16 @@ leaves the log-density
 
 up to a constant: with eigenvectors u of A'A / f and eigenvalues s, a sum over (u'c)^2 - (u'g)^2 / (1 + s).
 
-The columns are those of the optimum.  That is too rough for changes of x that the data do not resist: the residuals
-would hardly change, but what is left of r(x) after its linear part was taken back can be as large as the misfit.  So
-the truck is simulated where these changes leave it, and z counts from there.
+The columns are those of the optimum.  That is too rough where z takes back most of what a change of x does to the
+residuals: what is left of r(x) after its linear part was taken back may well be as large as the misfit.  So a truck is
+simulated that stays where the data want it.  With v = D (x - x_0), z is most likely z(v) = -(I + A'A / f)^-1 A'J_x v /
+f, and J_x v + A z(v) = J B v is what the residuals change.  Parameters imitate that best by W v, W = (H_xx + P)^-1 H_x B
+with the information H of the data and the prior precision P, so
 
-- Model error takes over what the data resist least: with N the information about x, masses and departures integrated
-  out, e = -(I + E'N E)^-1 E'N D (x - x_0) is its most likely value.  x_0 + S D (x - x_0) is simulated, S = I - E (I +
-  E'N E)^-1 E'N, and c begins with e.
-- If a truck grows by one share, all its masses t and forces h (to first order, a step h of the parameters with J_x h =
-  -J_y t), it moves as before.  With a = w'S D (x - x_0) the share that brings the parameters nearest to the optimum, a
-  truck with a h less is simulated, and y_0 + a t stands in place of y_0.  The residuals get a (J_x h + J_y t), which is
-  next to nothing.
+    r(x_0 + W v) + J (B - W) v
+
+stands for the residuals, the rest J (B - W) v being linear, and c + z(v) for c.  Where r is linear, nothing changes.
+If a truck grows by one share, all its masses and all forces, it moves as before: then W v = 0.
 """
 
 from __future__ import annotations
@@ -34,10 +33,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.arrays import DrawsByParameters, Parameters, ParametersByParameters
+from sysid.arrays import DrawsByParameters, ParametersByParameters
 
 #: Eigenvalues s below this one are left out: of the log-density they change less than half as much.
 _LEAST = 1e-3
+#: Squares of what a standard deviation of the parameters changes below which a part of the rest is left out.
+_LEAST_REST = 1e-6
 
 
 @dataclass(frozen=True)
@@ -64,23 +65,22 @@ class IntegratedUnknowns:
 
     - `factor`: f on the variances of the data;
     - `following` (p, p): D; all that follows is per unit of D (x - x_0):
-    - `simulated_share` (p, p): of which truck is simulated, (I - h w') S, and `share` (p,): a, S'w;
-    - `directions` (p + q, K + 1): columns [J_x J_y] times this are A u, then J_x h + J_y t; `sizes` (K,) are the s, and
-      `pull` (K,) is u'c at x_0, `pull_by_change` (K, p) its change;
-    - `by_share` (K,): change of the products with A u over f per unit of a, and `square_of_share` half the second
-      derivative of r'r / f.
+    - `simulated_share` (p, p): W, and `rest` (m, p): what the residuals change beside;
+    - `directions` (p + q, K + m): columns [J_x J_y] times this are A u, then those of the rest; `sizes` (K,) are the s,
+      `pull` (K,) is u'c at x_0, and `pull_by_change` (K, p) its change;
+    - `products` (K, m) of A u with the columns of the rest over f, and `squares` (m,) of these over f.
     """
 
     factor: float
     following: ParametersByParameters
     simulated_share: ParametersByParameters
-    share: Parameters
+    rest: np.ndarray
     directions: np.ndarray
     sizes: np.ndarray
     pull: np.ndarray
     pull_by_change: np.ndarray
-    by_share: np.ndarray
-    square_of_share: float
+    products: np.ndarray
+    squares: np.ndarray
 
     def followed(self, change: DrawsByParameters) -> DrawsByParameters:
         """D (x - x_0) (n, p) for changes x - x_0 (n, p)."""
@@ -91,13 +91,13 @@ class IntegratedUnknowns:
         return _times(followed, self.simulated_share)
 
     def log_density(self, squares: np.ndarray, products: np.ndarray, followed: DrawsByParameters) -> np.ndarray:
-        """Log-density (n,) of the data from r'r (n,), products of r with the columns (K + 1, n), and D (x - x_0)."""
-        *along, rest = products / self.factor
-        share = _times(followed, self.share[None])[:, 0]
-        pull = self.pull[:, None] + _times(followed, self.pull_by_change).T
-        gradient = np.reshape(along, pull.shape) + self.by_share[:, None] * share + pull
-        misfit = squares / self.factor + 2.0 * share * rest + self.square_of_share * share**2
-        return np.asarray(-0.5 * (misfit + (pull**2 - gradient**2 / (1.0 + self.sizes[:, None])).sum(axis=0)))
+        """Log-density (n,) of the data from r'r (n,), products of r with the columns (K + m, n), and D (x - x_0)."""
+        along, with_rest = np.split(products / self.factor, [self.sizes.size])
+        rest = _times(followed, self.rest)
+        pull = self.pull + _times(followed, self.pull_by_change)
+        gradient = along.T + _times(rest, self.products) + pull
+        misfit = squares / self.factor + (rest * (2.0 * with_rest.T + self.squares * rest)).sum(axis=1)
+        return np.asarray(-0.5 * (misfit + (pull**2 - gradient**2 / (1.0 + self.sizes)).sum(axis=1)))
 
 
 def _times(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
@@ -110,18 +110,16 @@ def _times(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 
 def nothing_integrated(count: int) -> IntegratedUnknowns:
     """The density of p parameters alone."""
-    none, zero, same = np.zeros(0), np.zeros(count), np.eye(count)
-    return IntegratedUnknowns(1.0, same, same, zero, np.zeros((count, 1)), none, none, np.zeros((0, count)), none, 0.0)
+    none, same, empty = np.zeros(0), np.eye(count), np.zeros((0, count))
+    return IntegratedUnknowns(1.0, same, same, empty, empty.T, none, none, empty, np.zeros((0, 0)), none)
 
 
 def integrated_unknowns(
     matrix: np.ndarray,
     prior: ParametersByParameters,
     effects: np.ndarray,
-    error: ErrorGivenParameters,
     sd: np.ndarray,
     amounts: np.ndarray,
-    grows: np.ndarray,
     factor: float,
     following: ParametersByParameters,
 ) -> IntegratedUnknowns:
@@ -129,38 +127,42 @@ def integrated_unknowns(
 
     Parameters
     ----------
-    matrix : (p + q, p + q) information of the data, over `factor`, the runs' own unknowns eliminated.
+    matrix : (p + q, p + q) H, information of the data, over `factor`, the runs' own unknowns eliminated.
     prior : (p, p) precision of the parameters.
-    effects : (p, k) E; error : e given the parameters.
-    sd : (q,) prior standard deviations of y, 0 for what is held; amounts : (q,) y_0.
-    grows : (q,) t; factor : f; following : (p, p) D.
+    effects : (p, k) E; sd : (q,) prior standard deviations of y, 0 for what is held; amounts : (q,) y_0.
+    factor : f; following : (p, p) D.
     """
     count, further = effects.shape
     roots = np.zeros((len(matrix), further + sd.size))
     roots[:count, :further] = effects
     roots[count:, further:] = np.diag(sd)
-    over_sd = np.divide([amounts, grows], sd, where=sd > 0.0, out=np.zeros((2, sd.size)))
-    pulls = np.concatenate([np.zeros((2, further)), over_sd], axis=1)
+    over_sd = np.divide(amounts, sd, where=sd > 0.0, out=np.zeros(sd.size))
     values, vectors = np.linalg.eigh(roots.T @ matrix @ roots)
     kept = values > _LEAST
     values, vectors = values[kept], vectors[:, kept]
-    pull, pull_by_share = pulls @ vectors
-    kept_by_error = np.eye(count) + effects @ error.response
-    about = matrix[:count, :count]
+    along = roots @ vectors
+    taken_back = -(along.T @ matrix[:, :count]) / (1.0 + values[:, None])
+    change = along @ taken_back
+    change[:count] += np.eye(count)
+    resisted = matrix[:count] @ change
     # Parameters of which the data say nothing stay where they are.
-    growth = -np.linalg.solve(about + prior, matrix[:count, count:] @ grows)
-    towards = about @ growth
-    share = kept_by_error.T @ towards / (growth @ towards) if grows.any() else np.zeros(count)
-    rest, along = np.concatenate([growth, grows]), roots @ vectors
+    simulated = np.linalg.solve(matrix[:count, :count] + prior, resisted)
+    change[:count] -= simulated
+    # What the rest amounts to, in standard deviations of the parameters.
+    root = np.linalg.cholesky(0.5 * (resisted + resisted.T) + prior)
+    columns = np.linalg.solve(root, change.T).T
+    squares, axes = np.linalg.eigh(columns.T @ matrix @ columns)
+    seen = squares > _LEAST_REST
+    columns = columns @ axes[:, seen]
     return IntegratedUnknowns(
         factor=factor,
         following=following,
-        simulated_share=kept_by_error - np.outer(growth, share),
-        share=share,
-        directions=np.column_stack([along, rest]),
+        simulated_share=simulated,
+        rest=(root @ axes[:, seen]).T,
+        directions=np.column_stack([along, columns]),
         sizes=values,
-        pull=pull,
-        pull_by_change=np.outer(pull_by_share, share) + vectors[:further].T @ error.response,
-        by_share=along.T @ matrix @ rest,
-        square_of_share=float(rest @ matrix @ rest),
+        pull=over_sd @ vectors[further:],
+        pull_by_change=taken_back,
+        products=along.T @ matrix @ columns,
+        squares=squares[seen],
     )
