@@ -18,7 +18,7 @@ up to a constant: with eigenvectors u of A'A / f and eigenvalues s, a sum over (
 The columns are those of the optimum.  That is too rough where z takes back most of what a change of x does to the
 residuals: what is left of r(x) after its linear part was taken back may well be as large as the misfit.  So a truck is
 simulated that stays where the data want it.  With v = D (x - x_0), z is most likely z(v) = -(I + A'A / f)^-1 A'J_x v /
-f, and J_x v + A z(v) = J B v is what the residuals change.  Parameters imitate that best by W v, W = (H_xx + P)^-1 H_x B
+f, and the residuals change by J_x v + A z(v) = J B v.  Parameters imitate that best by W v, W = (H_xx + P)^-1 H_x B,
 with the information H of the data and the prior precision P, so
 
     r(x_0 + W v) + J (B - W) v
