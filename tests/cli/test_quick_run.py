@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -20,6 +21,8 @@ from keyword_reader import read_deck
 from studies.independent.normal_peaks import normal_peaks
 from sysid.cli.stages import run_stage
 from sysid.export import result_schema
+from sysid.posterior import sampling as sampling_stage
+from sysid.posterior.importance import ImportanceSample, importance_sample
 from sysid.workflow.settings import make_settings
 
 DATA = Path(__file__).parents[2] / "examples" / "linear_truck"
@@ -75,7 +78,6 @@ def test_peaks_by_the_normal_at_the_optimum_are_those_of_the_same_passes(finishe
     ratios = [p["peak_dynamic_load_ratio"] for p in document["predictions"]]
     sampled = np.array([[r[q] for q in ("q05", "q50", "q95")] for r in ratios]).reshape(2, 6, 3)
     half_width = 0.5 * (sampled[..., 2] - sampled[..., 0])
-    # The walkers of the preview start twice as far apart as the normal, and have made four steps.
     assert np.all(np.abs(np.array(normal)[..., 1] - sampled[..., 1]) < 0.3 * half_width)
     np.testing.assert_allclose(np.array(normal)[..., 2] - np.array(normal)[..., 0], 2.0 * half_width, rtol=0.3)
 
@@ -116,13 +118,31 @@ def test_a_report_without_options_shows_the_run_that_filled_the_folder(
     assert after["parameters"] == before["parameters"]
 
 
+@pytest.fixture(scope="module")
+def chained(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Output folder of the same campaign, its posterior from a chain of four steps: importance sampling does not do."""
+    output = tmp_path_factory.mktemp("chained") / "out"
+    shutil.copytree(finished, output)
+
+    def unreliable(*args: object, **options: object) -> ImportanceSample:
+        return replace(importance_sample(*args, **options), pareto_k=np.inf)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sampling_stage, "importance_sample", unreliable)
+        (output / "stages/sample.npz").unlink()
+        choices = {"quick": True, "seed": 3, "max_steps": 4, "laws": None, "resume": False}
+        assert run_stage("sample", finished.parent / "campaign", output, **choices) == 0
+    assert (output / "chain").is_dir()
+    return output
+
+
 @pytest.fixture
-def sampling(finished: Path, tmp_path: Path) -> Iterator[Path]:
+def sampling(chained: Path, tmp_path: Path) -> Iterator[Path]:
     """Output folder in which another process is sampling: there is a chain, no result of it, and the lock is taken."""
     output = tmp_path / "out"
-    shutil.copytree(finished, output)
+    shutil.copytree(chained, output)
     for name in ("stages/sample.npz", "stages/predict.npz", "posterior.nc", "report.html"):
-        (output / name).unlink()
+        (output / name).unlink(missing_ok=True)
     code = (
         "import sys, time; from pathlib import Path; from sysid.folder_lock import FolderLock\n"
         "with FolderLock(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(600)"
@@ -135,9 +155,9 @@ def sampling(finished: Path, tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize(("stage", "file"), [("report", "report.html"), ("export", "posterior.nc")])
-def test_a_running_chain_can_be_looked_at(finished: Path, sampling: Path, stage: str, file: str) -> None:
+def test_a_running_chain_can_be_looked_at(finished: Path, chained: Path, sampling: Path, stage: str, file: str) -> None:
     campaign = finished.parent / "campaign"
-    before = json.loads((finished / "result.json").read_text(encoding="utf-8"))
+    before = json.loads((chained / "result.json").read_text(encoding="utf-8"))
     code = run_stage(stage, campaign, sampling, quick=False, seed=None, max_steps=None, laws=None, resume=False)
     assert code == 0
     document = json.loads((sampling / "result.json").read_text(encoding="utf-8"))
