@@ -31,7 +31,7 @@ from sysid.estimation.uncertainty.information import (
 )
 from sysid.estimation.uncertainty.joint_step import JointStep
 from sysid.estimation.uncertainty.normal_equations import NormalEquations
-from sysid.estimation.uncertainty.part_agreement import PartAgreement
+from sysid.estimation.uncertainty.part_agreement import PartAgreement, part_agreement
 
 TOO_SMALL = 3.0
 
@@ -130,7 +130,14 @@ def test_what_data_push_against_the_end_of_its_range_stays_there(fit, monkeypatc
         whole = model_error(*arguments)
         return replace(whole, sd=alone, held=(alone > 0.0) & held)
 
+    compared = []
+
+    def of_parts(*arguments):
+        compared.append(arguments[-1])
+        return part_agreement(*arguments)
+
     monkeypatch.setattr(information, "model_error", of_one)
+    monkeypatch.setattr(information, "part_agreement", of_parts)
     known = state.campaign, problem, problem.vector(state.point.log_parameters), allowances, state.point.amounts
     integrated = adjusted_information(*known).integrated
     score = optimum_information(*known).score
@@ -139,6 +146,7 @@ def test_what_data_push_against_the_end_of_its_range_stays_there(fit, monkeypatc
     assert score[count + one] > 0.0
     slope = (along @ score / integrated.factor + integrated.pull[0]) / np.sqrt(integrated.sizes[0])
     assert abs(slope) < 1e-9 if held else abs(slope) > 0.05
+    np.testing.assert_array_equal(compared, [np.zeros_like(alone) if held else alone])
 
 
 def test_masses_and_tires_have_settled_where_the_fit_ends(fit):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from sysid.estimation.parameters.parameter_set import Parameter
 from sysid.estimation.uncertainty.part_agreement import Block, part_agreement
@@ -66,6 +67,36 @@ def test_differences_are_those_of_fits_to_each_part(columns):
         given = [d.difference for d in found if d.part == name]
         assert given == pytest.approx(expected[:2], abs=1e-10)
     assert {d.parameter for d in found} == {"k_1", "c_1"}
+
+
+def test_what_all_data_push_against_its_end_makes_no_difference_between_parts(columns):
+    """The last unknown cannot be negative, and the readings of every part want it to be: bounded fits of SciPy."""
+    truth = np.array([0.1, -0.2, 0.1, 0.01, -0.5])
+    random = np.random.default_rng(4)
+    data = [c @ truth + random.normal(size=len(c)) for c in columns]
+    least = np.array([-np.inf] * 4 + [0.0])
+
+    def bounded(chosen):
+        rows = np.concatenate([np.diag(1.0 / ALL_SD), *(columns[i] for i in chosen)])
+        wanted = np.concatenate([np.zeros(5), *(data[i] for i in chosen)])
+        return lsq_linear(rows, wanted, (least, np.inf), tol=1e-14).x
+
+    at = bounded(range(len(BLOCKS)))
+    scores = np.array([c.T @ (c @ at - d) for c, d in zip(columns, data, strict=True)])
+    known = scores, np.array([c.T @ c for c in columns]), np.diag(PRIOR_SD**-2)
+    held, free = (
+        part_agreement(PARAMETERS, BLOCKS, *known, sd).differences for sd in (FURTHER_SD * [1, 0], FURTHER_SD)
+    )
+    wrong = 0.0
+    for name, holds in DIVISIONS.items():
+        inside = [i for i, b in enumerate(BLOCKS) if holds(b)]
+        outside = [i for i in range(len(BLOCKS)) if i not in inside]
+        one, other = bounded(inside), bounded(outside)
+        assert one[4] == pytest.approx(0.0, abs=1e-9)
+        assert other[4] == pytest.approx(0.0, abs=1e-9)
+        assert [d.difference for d in held if d.part == name] == pytest.approx((one - other)[:2], abs=1e-7)
+        wrong = max([wrong, *np.abs([d.difference for d in free if d.part == name] - (one - other)[:2])])
+    assert wrong > 0.01
 
 
 def test_they_scatter_as_said_over_trucks_and_noise(columns):

@@ -254,7 +254,8 @@ def adjusted_information(
         spread.scores / factor,
         data.by_block(_parts(data)) / factor,
         prior,
-        sd,
+        # What all data push against the end of its range would be there with a part of them too.
+        np.where(spread.held, 0.0, sd),
     )
     undecided = parts.rows if laws is None else np.concatenate([laws, parts.rows])
     known = DataInformation(matrix, flat, prior, sd, masses.sd.size, factor, undecided, _kinds(allowances))

@@ -127,7 +127,8 @@ def part_agreement(
     parameters : the p parameters of the fit.
     blocks : what each of the b blocks holds.
     scores : (b, p + q) gradients of half the sum of squares at the joint optimum; information : (b, p + q, p + q).
-    prior : (p, p) precision of the log parameters; sd : (q,) prior standard deviations of masses and departures.
+    prior : (p, p) precision of the log parameters; sd : (q,) prior standard deviations of masses and departures, 0 for
+        those that stay at the end of their range.
     """
     compared = [i for i, p in enumerate(parameters) if p.quantity in ACCEPTED]
     none = np.zeros(scores.shape[1:] * 2)
