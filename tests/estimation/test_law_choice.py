@@ -105,20 +105,40 @@ def test_poor_laws_are_compared_under_the_maps_of_the_rich_ones(monkeypatch, con
     assert best is (rich if converged else final)
 
 
-def test_a_preview_makes_no_fit_without_an_element(monkeypatch):
-    """Laws are added as long as more are promised; the last of these fits is the result."""
-    asked, laws = [], ((frozenset(),), (frozenset({"friction"}),), (frozenset({"friction", "gas_spring"}),))
-    promises = [(frozenset({"friction"}),), (frozenset({"gas_spring"}),), ()]
-    found = {laws[1]: stub(60.0, 5), laws[2]: stub(50.0, 6)}
+@pytest.mark.parametrize("sd", [0.03, 2.0])
+def test_a_preview_leaves_out_what_is_needless_in_one_fit(monkeypatch, sd):
+    """Laws are added as long as more are promised; then friction goes if Wald's test says that nothing is worse.
+
+    By hand: F known to 3 % raises the sum of squares by 1 / 0.03^2 = 1111 when it goes, known to 200 % by 0.25.
+    """
+    friction, gas = frozenset({"friction"}), frozenset({"gas_spring"})
+    asked, promises = [], [(friction,), (gas,), ()]
+    found = {(friction,): stub(60.0, 5), (friction | gas,): stub(50.0, 6), (gas,): stub(55.0, 5)}
 
     def fitted(laws, near, plan=before_joint):
         asked.append((laws, plan))
         return found[laws]
 
+    def judge(optimum):
+        known = known_forces([1000.0], sd, np.eye(1))
+        known.optimum.problem.model.parameters.parameters.append(SimpleNamespace(quantity="progressivity", axle=0))
+        spread = np.diag([sd, 0.01]) ** 2
+        return Judged(
+            SimpleNamespace(**{**known.optimum.__dict__, "vector": np.log([1000.0, 0.3])}),
+            Evidence(50.0, spread, np.zeros(2)),
+        )
+
     monkeypatch.setattr(law_comparison, "promising", lambda *rest: promises.pop(0))
-    best, comparison = law_comparison.compare_laws(None, laws[0], laws[2], stub(500.0, 4), fitted, preview=True)
-    assert asked == [(laws[1], first_sight), (laws[2], first_sight)]
-    assert best is found[laws[2]]
+    monkeypatch.setattr(law_comparison, "LawEvidence", lambda campaign, optimum: SimpleNamespace(judge=judge))
+    axle = SimpleNamespace(suspension_law=None, suspension="air")
+    data = SimpleNamespace(vehicle=SimpleNamespace(axles=(axle,), suspension_axle=(0,)))
+    best, comparison = law_comparison.compare_laws(
+        data, (frozenset(),), (friction | gas,), stub(500.0, 4), fitted, preview=True
+    )
+    needless = [] if sd < 1.0 else [((gas,), first_sight)]
+    assert asked == [((friction,), first_sight), ((friction | gas,), first_sight), *needless]
+    assert best is found[asked[-1][0]]
+    assert comparison.chosen == comparison.trials[0].laws == (" + ".join(sorted(asked[-1][0][0])),)
     assert (comparison.untried, comparison.undecided) == (True, ())
     assert np.isnan(comparison.trials[0].gain)
 
@@ -190,10 +210,22 @@ def test_the_preferred_law_finds_stiffness_and_secant_damping(worn):
             assert p.value == pytest.approx(truth[p.name], rel=0.12)
 
 
-def test_dampers_that_do_not_saturate_lose_their_knees(tmp_path):
+@pytest.fixture(scope="module")
+def two_slopes(tmp_path_factory):
+    """A campaign of a truck whose dampers have two slopes, and its true parameters."""
+    folder = tmp_path_factory.mktemp("two_slopes")
+    known = read(folder, replace(SMALL, suspension_law="bilinear_damper"))
+    return known, tomllib.loads((folder / "truth.toml").read_text(encoding="utf-8"))["parameters"]
+
+
+@pytest.mark.parametrize("preview", [False, True])
+def test_dampers_that_do_not_saturate_lose_their_knees(two_slopes, preview):
     """Two slopes in the truth: the laws found say so, and no knee is left undetermined."""
-    fit, truth = fitted(tmp_path, Physics(**{**SMALL.__dict__, "suspension_law": "bilinear_damper"}), "auto")
+    known, truth = two_slopes
+    fit, _ = fit_with_laws(*known, replace(OPTIONS, preview=preview))
     assert fit.laws == ("bilinear_damper",) * 3
+    if preview:
+        return
     for p in fit.parameters:
         if p.quantity in ("stiffness", "damping", "damper_asymmetry"):
             assert p.value == pytest.approx(truth[p.name], rel=0.012)

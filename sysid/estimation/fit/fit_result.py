@@ -72,7 +72,7 @@ class UndecidedLaw:
 class LawComparison(Tabular):
     """Trials of suspension laws and the one that was `chosen`, by axle; `undecided` elements widen the intervals.
 
-    `untried`: whether elements were added by their expected gain alone, without a trial.
+    `untried`: whether elements were added and removed by their expected gain alone, without a trial.
     """
 
     trials: tuple[LawTrial, ...]

@@ -13,8 +13,10 @@ A. E. Raftery, Bayes factors, JASA 90 (1995), doi:10.1080/01621459.1995.10476572
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
@@ -66,7 +68,8 @@ def compare_laws(
 ) -> tuple[Optimum, LawComparison]:
     """The preferred laws' optimum and all trials; every gain is over the laws of the campaign file.
 
-    For a `preview`, elements with a decisive expected gain are added, and no fit without one of them is made.
+    For a `preview`, elements with a decisive expected gain are added and those that Wald's test finds needless are
+    removed, without a trial of each.
     """
     richest = rich_laws
     rich_laws, rich = _enriched(campaign, poor_laws, rich_laws, poor, fitted, preview)
@@ -75,21 +78,16 @@ def compare_laws(
         cost, names = optimum.minimum.cost, _names(poor_laws)
         trial = LawTrial(names, optimum.problem.count, cost, optimum.misfit, 0.0)
         return optimum, LawComparison((trial,), names, by_score(campaign, poor_laws, richest, optimum, ()))
-    if preview:
-        names = _names(rich_laws)
-        trial = LawTrial(names, rich.problem.count, rich.minimum.cost, rich.misfit, float("nan"))
-        return rich, LawComparison((trial,), names, untried=True)
     size = effective_residuals(rich)
+    if preview:
+        laws = _without_needless(LawEvidence(campaign, rich).judge(rich), rich_laws, _poorer(campaign, poor_laws), size)
+        chosen = rich if laws == rich_laws else fitted(laws, rich, first_sight)
+        names = _names(laws)
+        trial = LawTrial(names, chosen.problem.count, chosen.minimum.cost, chosen.misfit, float("nan"))
+        return chosen, LawComparison((trial,), names, untried=True)
     trials = _Trials(LawEvidence(campaign, rich), fitted, rich_laws, rich, poor_laws, poor, size)
-    plain, family = with_plain_friction(trials.laws, poor_laws), (LEAF_FRICTION, "leaf")
-    trials.judge_without(plain, WORDS[LEAF_FRICTION], deciding_gain(family))
-    for family in FAMILIES:
-        without = without_family(campaign.vehicle.axles, trials.laws, poor_laws, family)
-        trials.judge_without(without, family_words(family), deciding_gain(family))
-    trials.judge_without(without_knees(trials.laws, poor_laws), "knees in the laws of dampers")
-    for family in BILINEAR_FAMILIES:
-        without = without_family(campaign.vehicle.axles, trials.laws, poor_laws, family)
-        trials.judge_without(without, family_words(family))
+    for poorer, words, deciding in _poorer(campaign, poor_laws):
+        trials.judge_without(poorer(trials.laws), words, deciding)
     acting = with_stops_that_act(trials.laws, trials.best.optimum)
     trials.take(tuple(law | (given & {STOPS}) for law, given in zip(acting, poor_laws, strict=True)))
     # One axle may reach its stops, or have helper leaves, and another not: each has to show its own.
@@ -105,6 +103,37 @@ def compare_laws(
         chosen = fitted(laws, poor if laws == poor_laws else trials.best.optimum)
     undecided += by_score(campaign, laws, richest, chosen, _families_in(campaign.vehicle, rich_laws))
     return chosen, LawComparison(tuple(trials.made), _names(laws), undecided)
+
+
+#: Laws without what they may lack, what that is in words, and the gain that decides for it.
+Poorer: TypeAlias = tuple[Callable[[Laws], Laws], str, float]
+
+
+def _poorer(campaign: Campaign, declared: Laws) -> Iterator[Poorer]:
+    """What laws may lack, in the order in which it is judged."""
+    axles = campaign.vehicle.axles
+    plain = deciding_gain((LEAF_FRICTION, "leaf"))
+    yield partial(with_plain_friction, declared=declared), WORDS[LEAF_FRICTION], plain
+    for family in FAMILIES:
+        without = partial(without_family, axles, declared=declared, family=family)
+        yield without, family_words(family), deciding_gain(family)
+    yield partial(without_knees, declared=declared), "knees in the laws of dampers", DECISIVE
+    for family in BILINEAR_FAMILIES:
+        yield partial(without_family, axles, declared=declared, family=family), family_words(family), DECISIVE
+
+
+def _without_needless(judged: Judged, laws: Laws, poorer: Iterable[Poorer], size: float) -> Laws:
+    """The laws without elements of which Wald's test says that the criterion is no worse without them."""
+    kept, lost = laws, 0.0
+    for without, _, deciding in poorer:
+        less = without(kept)
+        if less == kept:
+            continue
+        removed = _removed(judged, laws, less)
+        with_it = removed.rise - removed.count * np.log(size)
+        if with_it - lost < deciding:
+            kept, lost = less, with_it
+    return kept
 
 
 class _Trials:
@@ -215,33 +244,55 @@ def _enriched(
     return laws, with_released_stops(laws, fitted(laws, optimum, base), fitted)
 
 
-def _sure(judged: Judged, laws: Laws, without: Laws, size: float) -> bool:
-    """Whether elements are clearly needed, so that no fit without them has to be made.
+@dataclass(frozen=True)
+class _Removed:
+    """What laws lose without some elements: `count` parameters, of which `decisive` have neutral values that switch an
+    element off, and the expected `rise` of twice the cost; infinite where no value does.
+    """
+
+    count: int
+    decisive: int
+    rise: float
+
+
+def _removed(judged: Judged, laws: Laws, without: Laws) -> _Removed:
+    """What the laws of an optimum lose that others do not have.
 
     By Wald's test (A. Wald, Tests of statistical hypotheses concerning several parameters, Transactions of the American
     Mathematical Society 54 (1943), doi:10.1090/S0002-9947-1943-0012401-3) the sum of squares would rise by (v - n)'
     C^-1 (v - n). v are the values of their parameters with covariance C, and n the neutral values, with which the
-    elements have no effect. Far from the optimum the cost is not a parabola, so only :data:`SURE` times the deciding
-    value is clear.
+    elements have no effect.
     """
     had, kept = ([frozenset(quantities(law)) for law in side] for side in (laws, without))
     # A shared parameter goes with the last axle that has it.
     gone_everywhere = frozenset().union(*had).difference(*kept)
     optimum = judged.optimum
     parameters = optimum.problem.model.parameters.parameters
-    index, distance = [], []
+    count, index, distance = 0, [], []
     for position, p in enumerate(parameters):
         gone = gone_everywhere if p.axle is None else had[p.axle] - kept[p.axle]
-        neutral = next((q.neutral for q in gone if q.quantity == p.quantity and q.decides), None)
-        if neutral is not None:
+        of_element = next((q for q in gone if q.quantity == p.quantity), None)
+        if of_element is None:
+            continue
+        count += 1
+        if of_element.decides:
             index.append(position)
             # Relative to the value, as the covariance of its logarithm is.
-            distance.append(1.0 - neutral / float(np.exp(optimum.vector[position])))
+            distance.append(1.0 - of_element.neutral / float(np.exp(optimum.vector[position])))
     if not index:
-        return False
+        return _Removed(count, 0, np.inf)
     covariance = judged.evidence.covariance[np.ix_(index, index)]
-    rise = float(np.array(distance) @ np.linalg.solve(covariance, distance))
-    return bool(rise > SURE * (DECISIVE + len(index) * np.log(size)))
+    return _Removed(count, len(index), float(np.array(distance) @ np.linalg.solve(covariance, distance)))
+
+
+def _sure(judged: Judged, laws: Laws, without: Laws, size: float) -> bool:
+    """Whether elements are clearly needed, so that no fit without them has to be made.
+
+    Far from the optimum the cost is not a parabola, so only :data:`SURE` times the deciding value is clear.
+    """
+    removed = _removed(judged, laws, without)
+    expected = SURE * (DECISIVE + removed.decisive * np.log(size))
+    return bool(removed.decisive and removed.rise > expected)
 
 
 def _names(laws: Laws) -> tuple[str, ...]:

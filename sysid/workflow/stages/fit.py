@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 #: Said of laws of a preview.
 UNTRIED = (
-    "Preview: elements were added by their expected gain; no fit without one of them was made, so that some may not be "
-    "needed."
+    "Preview: elements were added and removed by their expected gain; no fit without each of them has proved that it "
+    "is needed."
 )
 
 
